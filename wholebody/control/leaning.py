@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import exp, hypot
 
 import numpy as np
+import pinocchio as pin
 
 from wholebody.control.base import Controller
 from wholebody.robot.touch import FORCE, LEAN_MAX, MOMENT, PUSH_MAX, SHARE
@@ -21,6 +22,14 @@ LEAN_TIME = 0.5
 of its posture holds it back, and a trunk takes 0.3 s."""
 ROOM_MIN = 0.02
 """Least distance of the centre of mass from an edge that is counted on [m]; chosen: a quarter of a sole's half."""
+UNFELT = 0.02
+"""Distance by which something that no hand feels has to move the centre of pressure for the body to lean against it, by
+what is beyond [m]; measured: masses and sensors of realistic robots feign 0.014 in the lissajous."""
+LASTING = 0.6
+"""Time for which it has to [s]; chosen: a push of 0.1 s is felt for half a second, and a load is known by then."""
+WAIST_MAX, WAIST_ROOM = 0.95, 0.2
+"""Share of its torque that the waist uses from which the body leans no further against that, and over how much of it it
+comes to this [no unit]; derived: the share that motors are asked for, and chosen: a lean of 40 mm takes as much."""
 EARLY = 0.5
 """Share of the lean against a force that is told before it is felt [no unit]; chosen: it may not come."""
 
@@ -38,18 +47,43 @@ class Leaning:
 
     def reset(self) -> None:
         """Nothing is felt."""
-        self._moved, self._further = np.zeros(2), 0.0
+        self._moved, self._further, self._unfelt, self._lasted = np.zeros(2), 0.0, np.zeros(2), 0.0
         self._controller.lean[:] = self._controller.tipped[:] = 0.0
 
     @property
     def settled(self) -> bool:
         """Whether nothing has been felt for long."""
-        return hypot(*self._moved) < 1e-4
+        return hypot(*self._moved) < 1e-4 and not self.unfelt
+
+    @property
+    def unfelt(self) -> bool:
+        """Whether the body leans against something that no hand feels."""
+        return self._lasted > LASTING
 
     @property
     def share(self) -> float:
         """How far the body is told to lean, a share of the farthest that it is to, from 0 to 1."""
         return min(hypot(*self._controller.lean) / LEAN_MAX, 1.0)
+
+    def feel(self, wrench: np.ndarray, felt: np.ndarray, spent: float, elapsed: float) -> None:
+        """Take in what pushes the whole robot, of which hands feel a part, or nothing.
+
+        Args:
+            wrench: Force [N] and moment about the world's origin [N m], shape (6,).
+            felt: Force and moment on each palm that its arm feels, shape (2, 6), as late as `wrench` is.
+            spent: Share of its torque that the waist uses: a body that leans from hands that stay bends.
+            elapsed: Time since the last time [s].
+        """
+        palms, weight = self._controller.palm_positions(), GRAVITY * self._controller.robot.mass
+        rest = wrench[3:] - felt[:, 3:].sum(axis=0)
+        for palm, force in zip(palms, felt[:, :3], strict=True):
+            rest -= pin.skew(palm) @ force
+        moved = np.array([rest[1], -rest[0]]) / weight
+        beyond = max(1.0 - UNFELT / max(hypot(*moved), 1e-9), 0.0)
+        lasted = self._lasted + (elapsed if beyond > 0.0 else -elapsed)
+        self._lasted = min(max(lasted, 0.0), 2.0 * LASTING)
+        room = min(max((WAIST_MAX - spent) / WAIST_ROOM, 0.0), 1.0)
+        self._unfelt = room * beyond * moved * self.unfelt
 
     def advance(self, rows: np.ndarray, expected: np.ndarray, planned: np.ndarray, elapsed: float) -> None:
         """Take in what is felt now.
@@ -67,7 +101,7 @@ class Leaning:
         f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * expected
         lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
         moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
-        moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
+        moved = (moved + np.array([m[1], -m[0]])) / (weight - lift) + self._unfelt
         keep = exp(-elapsed / TIPPED_TIME)
         self._moved = keep * self._moved + (1.0 - keep) * moved
         controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / max(hypot(*self._moved), 1e-9))

@@ -12,6 +12,7 @@ from wholebody.control.asked_forces import AskedForces
 from wholebody.control.base import Controller
 from wholebody.control.leaning import GRAVITY, Leaning
 from wholebody.control.reference_packet import COM, PALM
+from wholebody.estimation.body_push import EVERY, TIME_CONSTANT, BodyPush
 from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface, turned
 from wholebody.robot.kernels.frames import PALM_FRAME
@@ -26,7 +27,7 @@ from wholebody.robot.touch import (
     arm_force,
     tipping_share,
 )
-from wholebody.types import Reason, Status, StatusReport
+from wholebody.types import Reason, RobotState, Status, StatusReport
 
 RELEASED = 0.5
 """Share of the force from which a hand counts as touching below which it no longer does [no unit]; chosen: half."""
@@ -84,9 +85,10 @@ class Touch:
     def __init__(self, controller: Controller, config: TouchConfig, observer: LoadObserver | None) -> None:
         self._controller, self._config, self._observer = controller, config, observer
         self._rows, robot, self.asked = controller.touch, controller.robot, AskedForces(config, controller.touch)
-        self._leaning = Leaning(controller)
+        self._leaning, self._body = Leaning(controller), BodyPush(robot)
         joints = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
         self._arms = [6 + arm for arm in joints]
+        self._waist = np.flatnonzero(np.isin(robot.motor_to_pin, robot.spec.limbs["waist"]))
         # Body 0 is the base, the others belong to the joints.
         fingers = [robot.joint_indices(tool.finger_joints) for tool in robot.spec.tools]
         self._bodies = [1 + np.concatenate(parts) for parts in zip(joints, fingers, strict=True)]
@@ -101,8 +103,10 @@ class Touch:
         self.shares, self.since = [0.0, 0.0], [float("nan")] * 2
         self._settled, self.changed, self._held = True, False, [False, False]
         self._leaning.reset()
+        self._body.reset()
         self.asked.reset()
         self._into, self._palms, self._velocity, self._met = np.zeros((4, 2, 3))
+        self._felt = np.zeros((2, 6))
 
     @property
     def forces(self) -> np.ndarray:
@@ -113,6 +117,14 @@ class Touch:
     def active(self) -> bool:
         """Whether a hand touches, or did a moment ago."""
         return not self._settled
+
+    def feel(self, state: RobotState, follows: bool = True) -> None:
+        """Take in what pushes the whole robot, of which hands may feel little; nothing where it follows no plan."""
+        if self._observer is not None and self._body.look(state):
+            keep, shares = exp(-EVERY / TIME_CONSTANT), np.array(self.shares)
+            self._felt = keep * self._felt + (1.0 - keep) * shares[:, None] * self._observer.wrenches
+            spent = (np.abs(state.tau) / self._controller.effort_max)[self._waist].max(initial=0.0)
+            self._leaning.feel(follows * self._body.wrench, follows * self._felt, float(spent), EVERY)
 
     def look(self, row: np.ndarray, now: float, elapsed: float, follows: bool = True) -> None:
         """Take in what the observer saw of the last state.
@@ -128,7 +140,8 @@ class Touch:
             return
         left, right = observer.sizes
         self.asked.listen(now)
-        if self.asked.chunk is None and self._settled and left < found and right < found:
+        calm = self._settled and not self._leaning.unfelt
+        if self.asked.chunk is None and calm and left < found and right < found:
             return
         palms = self._controller.palm_positions()
         if self._settled or elapsed <= 0.0:
@@ -294,4 +307,6 @@ class Touch:
             for side, force, since, share in zip(("left", "right"), self.forces, self.since, self.shares, strict=True)
             if share > 0.5
         ]
+        if not said and self._leaning.unfelt:
+            said = [f"something pulls with {np.linalg.norm(self._body.wrench[:3]):.0f} N that no hand feels"]
         return StatusReport(Status.SLOWED, Reason.TOUCHING, ", ".join(said)) if said else otherwise

@@ -84,6 +84,7 @@ class Carrying:
         if observer is None:
             return
         news = observer.look(state, self._masses, age)
+        self.touch.feel(state, follows)
         self.touch.look(row, state.time, elapsed, follows)
         if not news or not self._learns:
             return
