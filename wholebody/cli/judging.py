@@ -19,7 +19,7 @@ from policy.writing import OutputError
 from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
 from wholebody.cli.simulated import SCENE_OF, STEPS_OF, cameras_of, make_checker, make_fast_checker, settings_of
-from wholebody.cli.sources import expanded, length, opened
+from wholebody.cli.sources import expanded, length, opened, tell
 from wholebody.resources import end_with_parent, processors
 
 if TYPE_CHECKING:
@@ -157,8 +157,7 @@ class InputJudge:
             shown = {"cameras": cameras, "progress": progress}
             run = None if self.pages is None else self.pages.run(checker, policy, name, seconds, **shown)
             verdict = run.verdict if run else checker.check(policy, name, seconds, **shown)[0]
-        if told := getattr(policy, "told", ""):
-            complain(f"{name}: {told}")
+        tell(policy, name)
         verdict = _after(verdict, first)
         if run is None:
             return verdict

@@ -111,6 +111,12 @@ def robot_of(robot: RobotConfig | None) -> RobotSpec | None:
     return None if robot is None else layout_robot(describe(robot))
 
 
+def tell(policy: Policy, name: str) -> None:
+    """What a policy that ran has to say of its task, on standard error; most have nothing."""
+    if told := getattr(policy, "told", ""):
+        complain(f"{name}: {told}")
+
+
 def _warnings(policy: Policy, images: str) -> Iterator[Finding]:
     """A policy's warnings; of its cameras, only those that are not drawn see grey."""
     from policy.placeholder_cameras import blind

@@ -25,7 +25,7 @@ def test_from_the_stance_it_sets_off_to_its_goals():
         assert len(way) == network().horizon
         begin = np.stack([stance_pose().p_world_lpalm, stance_pose().p_world_rpalm])
         far = [np.linalg.norm(policy.goals - p, axis=1).max() for p in (begin, way[0], way[-1])]
-        assert np.linalg.norm(way[0] - begin, axis=1).max() < 0.05  # no jump
+        assert np.linalg.norm(way[0] - begin, axis=1).max() < 1e-6  # no jump
         assert far[2] < far[1]
 
 

@@ -38,7 +38,7 @@ from wholebody.cli.simulated import (
     make_executor,
     settings_of,
 )
-from wholebody.cli.sources import expanded, length, opened
+from wholebody.cli.sources import expanded, length, opened, tell
 
 if TYPE_CHECKING:
     from wholebody.verdict.verdict import Verdict
@@ -81,6 +81,7 @@ def run(
             ):
                 shown = {"cameras": cameras, "progress": progress, "recorder": recorder}
                 verdict, _ = checker.check(executor, name, seconds, **shown)
+            tell(policy, name)
             verdicts.append(verdict)
             written.add(verdict)
             show(verdict)
