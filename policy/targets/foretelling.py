@@ -31,6 +31,9 @@ VALUES = 16
 GAP = 0.25
 """Time without a value after which the ones before say nothing of its motion [s]; chosen: two values at 10 Hz, and one
 lost."""
+INTERVAL, SEEN = 1.0 / 30.0, 3
+"""Time between two targets for which steps aside are said [s], and values before one is looked for; chosen: a policy's
+actions, and never twice in a row: a target that sets off at once is followed from its second value on."""
 
 _TIMES = np.linspace(0.0, 8.0, 4001)
 _WAYS = np.array([x * np.sqrt(np.pi / 2.0) * erf(x / np.sqrt(2.0)) + np.exp(-0.5 * x * x) - 1.0 for x in _TIMES])
@@ -43,10 +46,12 @@ class Foretelling:
     Args:
         speed: Fastest change between two values that is a motion; what is faster is a jump, and begins anew [1/s].
         far: How far they are foretold to go at most.
+        step: How far beside where its last two values lead a value is a step aside, `INTERVAL` after them; later as
+            much more as a motion then bends. It begins anew: what is foretold from it as a motion leads far away.
     """
 
-    def __init__(self, speed: float, far: float) -> None:
-        self._speed, self._far = speed, far
+    def __init__(self, speed: float, far: float, step: float = np.inf) -> None:
+        self._speed, self._far, self._step = speed, far, step
         self._values: deque[tuple[float, np.ndarray]] = deque(maxlen=VALUES)
 
     @property
@@ -68,9 +73,18 @@ class Foretelling:
         """Take values (n,) at a time after the last one [s]."""
         if self.last is not None:
             before, x = self.last
-            if time - before > GAP or np.linalg.norm(value - x) > self._speed * (time - before):
+            fast = np.linalg.norm(value - x) > self._speed * (time - before)
+            if time - before > GAP or fast or self._steps(time, value):
                 self._values.clear()
         self._values.append((time, np.array(value, dtype=float)))
+
+    def _steps(self, time: float, value: np.ndarray) -> bool:
+        """Whether a value is a step aside from a motion that has been seen for `SEEN` values."""
+        if len(self._values) < SEEN:
+            return False
+        (t0, x0), (t1, x1) = self._values[-2], self._values[-1]
+        beside = value - x1 - (x1 - x0) * (time - t1) / (t1 - t0)
+        return bool(np.linalg.norm(beside) > self._step * max(1.0, ((time - t1) / INTERVAL) ** 2))
 
     def at(self, ages: np.ndarray, until: float) -> np.ndarray:
         """Values at ages after the last ones, shape (H, n).

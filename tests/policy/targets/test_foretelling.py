@@ -90,3 +90,22 @@ def test_braked_ages_go_on_and_then_come_to_rest_smoothly():
     rate = np.gradient(braking, ages)
     assert rate.max() <= 1.0 + 1e-6
     assert np.abs(np.gradient(rate, ages)).max() < 10.0
+
+
+def test_a_step_aside_begins_anew_and_is_not_foretold_as_a_motion():
+    """As where a policy's chunks meet: a line that goes on beside itself."""
+    times = np.arange(18) / 30.0
+    steps, near = (Foretelling(2.5, 9.0, step) for step in (0.012, np.inf))
+    for time in times:
+        for track in (steps, near):
+            track.add(time, np.array([0.1 * time + (0.02 if time > 0.55 else 0.0)]))
+    beside = [track.at(AGES, 0.3)[1, 0] - 0.1 * (times[-1] + 0.1) - 0.02 for track in (steps, near)]
+    assert abs(beside[0]) <= 0.011
+    assert beside[1] > 0.03
+
+
+def test_a_target_that_sets_off_at_once_is_a_motion_from_its_second_value_on():
+    track = Foretelling(2.5, 9.0, 0.012)
+    for time in np.arange(-10, 3) / 30.0:
+        track.add(time, np.array([max(time + 1.0 / 30.0, 0.0)]))
+    assert track.at(AGES, 0.3)[1, 0] - track.last[1][0] > 0.07
