@@ -46,6 +46,7 @@ WALKING = StatusReport(Status.HOLD, Reason.WALKING, "the robot walks; chunks are
 RECOVERING = StatusReport(
     Status.STOP, Reason.RECOVERING, "the robot was pushed: it takes a step, hands let go of until it has come to rest"
 )
+HANDS_YIELD = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "hands would keep the body from its steps: they give way")
 NOT_JOINED = StatusReport(
     Status.HOLD,
     Reason.NOT_JOINED,

@@ -281,9 +281,9 @@ class Supervisor(Commands):
         self._ahead.advance(elapsed)
         self._lowering.look(state)
         self._last_state, self._now = state, max(now, self._now)
-        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind or stepping.holds_hands else 1.0)
+        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind else stepping.allowed)
         if stepping.active:
-            reference, self.contacts = stepping.reference(state, elapsed), stepping.contacts
+            reference, self.contacts = stepping.reference(state, elapsed, now), stepping.contacts
         command, self.last_tick = self.controller.step(state, reference, elapsed)
         off_plan = self._reflex.status if self._reflex.active else stepping.status if stepping.active else None
         seen = self._seen(self.last_tick, off_plan)

@@ -118,6 +118,11 @@ class Commands(statuses.Following):
         self._following()
         return self._stepping.carried
 
+    @property
+    def moved_for(self) -> Reason | None:
+        """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
+        return self._stepping.moved_for(self._now) or super().moved_for
+
     def _walk(self, told: Place | Velocity | StatusReport) -> StatusReport:
         return told if isinstance(told, StatusReport) else self._go(partial(self._stepping.walk, told))
 

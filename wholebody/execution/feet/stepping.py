@@ -17,7 +17,7 @@ from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
 from wholebody.execution.feet.led import StateLog
-from wholebody.execution.feet.led_walk import LedWalk
+from wholebody.execution.feet.led_walk import TAKEN_UP, LedWalk
 from wholebody.execution.feet.loss import Loss
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.feet.wanted import refused
@@ -38,8 +38,6 @@ STEPS = ("never", "recover", "reach")
 """What `steps` may be."""
 LASTS = 1.0
 """Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
-TAKEN_UP = 0.5
-"""Time in which the hands are held again after a step that caught the robot [s]; measured by the prototype."""
 WALKS_FROM = (State.HOLDING, State.FOLLOWING, State.WALKING, State.RISING)
 """States in which a walk can be begun or changed; a step that catches the robot is not led elsewhere."""
 CAUGHT_FROM = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING)
@@ -89,12 +87,13 @@ class Stepping(LedWalk):
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
         self._until, self._trust, self._loss = -inf, 1.0, Loss(controller)
-        self._limits, self._log, self.led = limits, StateLog(config.dt), None
+        self._limits, self._log, self.led, self._gave_up = limits, StateLog(config.dt), None, False
         self.beyond: np.ndarray | None = None
         robot, limbs = controller.robot, controller.spec.limbs
         below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])
         self._below = np.flatnonzero(np.isin(robot.motor_to_pin, below))
-        self.contacts, self.then, self.status = planted.contacts, None, statuses.WALKING
+        self.contacts, self.then = planted.contacts, None
+        self.status = self._walks = statuses.WALKING
         if self._walker is not None:
             self._walker.end()  # whatever the episode before was about
 
@@ -147,7 +146,7 @@ class Stepping(LedWalk):
         """Walk as the chunk says, its hands along its own paths, from the present state on, now [s]."""
         self._wanted, self._until = self.led.velocity(now), inf
         if self.active:
-            self._lead_hands(now)
+            self._lead_hands(state, now)
         return self._go(state, now)
 
     def _is_there(self, wanted: Place | Velocity) -> bool:
@@ -170,11 +169,12 @@ class Stepping(LedWalk):
         self._states.on(Event.WALK)
         self.status = statuses.WALKING
         self._walker.begin(state)
+        self._trusts, self._room, self._gave_up = np.ones(2), 1.0, False
         self._log.begin(now, state.q)
         self._follower.ride()
         self._tell()
         if self.led is not None:
-            self._lead_hands(now)
+            self._lead_hands(state, now)
 
     def _tell(self) -> None:
         """Hand what is wanted to the walk."""
@@ -183,7 +183,8 @@ class Stepping(LedWalk):
         if self.led is not None:
             x, y, turn = wanted.way.real, wanted.way.imag, wanted.turn
             speed = "to a stand" if wanted.is_rest else f"({x:.2f}, {y:.2f}) m/s, {turn:.2f} rad/s"
-            self.status = replace(statuses.TRACKING, detail=f"the robot walks as its chunk says: {speed}")
+            self._walks = replace(statuses.TRACKING, detail=f"the robot walks as its chunk says: {speed}")
+            self.status = self._walks
             return
         aim = "as it is led"
         if isinstance(wanted, Place):
@@ -257,12 +258,14 @@ class Stepping(LedWalk):
         trust = max(self._trust, TRUST_MIN)
         self._controller.trust_hands(trust, trust)
 
-    def reference(self, state: RobotState, elapsed: float) -> PackedReference:
-        """What the controller follows in a tick, after the follower, which then has the palms as they are commanded."""
+    def reference(self, state: RobotState, elapsed: float, now: float) -> PackedReference:
+        """What the controller follows in a tick, now [s], after the follower, which then has the palms that are led."""
         if self._states.now is State.RECOVERING:
             self._let_go(state, elapsed)
         led = self._walker.reference(state, elapsed, self._follower.row)
         self._follower.row[:COM] = led.row[:COM]
+        if (self.led is not None or self._gave_up) and self._states.now is State.WALKING:
+            self._give_way(elapsed, now)
         if led.contacts is not None and not led.contacts.same(self.contacts.contacts[0]):
             self.contacts = ContactSchedule((led.contacts,))
         return led
