@@ -35,12 +35,12 @@ class Meters:
         self._palms = supervisor.palm_reference()
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
-    def offered(self, chunk: ActionChunk, executor: Executor, answer: StatusReport, *, walked: bool) -> None:
+    def offered(self, chunk: ActionChunk, executor: Executor, answer: StatusReport, supervisor: ChunkExecutor) -> None:
         """Take note of a chunk that the supervisor has got and answered, and walks with or not."""
         self.result.fps = chunk.fps
         if self._tracking_error.empty:
             self._came[chunk.t_obs] = executor.clock.now()
-        texts = (*notes(chunk, walked=walked), *self._left_out)
+        texts = (*notes(chunk, walked=supervisor.walks, not_led=supervisor.not_led), *self._left_out)
         self.result.notes += [Note(executor.clock.now(), text) for text in texts]
         self.refused(answer, executor)
 

@@ -140,7 +140,7 @@ def run_episode(
             chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
             if chunk is not None:
                 answer = supervisor.accept(chunk, state.time)
-                meters.offered(chunk, executor, answer, walked=supervisor.walks)
+                meters.offered(chunk, executor, answer, supervisor)
         command = supervisor.step(measured, state.time)
         _expect(sensors, supervisor)
         meters.refused(supervisor.take_refusal(), executor)

@@ -62,7 +62,7 @@ class AsGiven:
         self.rate = self.time_factor = 1.0
         self.moved_for: Reason | None = None
         self.handover: None = None
-        self.carried, self.walks = None, False
+        self.carried, self.walks, self.not_led = None, False, None
 
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""

@@ -71,6 +71,11 @@ class ChunkExecutor(Protocol):
         ...
 
     @property
+    def not_led(self) -> str | None:
+        """Why a walk is not made with the newest chunk's hands, in words, though it says a base velocity."""
+        ...
+
+    @property
     def carried(self) -> np.ndarray | None:
         """How the poses of the chunk have moved with the base of a walk that it leads, shape (4, 4); None for none."""
         ...

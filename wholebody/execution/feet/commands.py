@@ -113,6 +113,12 @@ class Commands(statuses.Following):
         return self._stepping.led is not None
 
     @property
+    def not_led(self) -> str | None:
+        """Why a walk is not made with the newest chunk's hands, in words, though it says a base velocity."""
+        self._following()
+        return self._stepping.not_led
+
+    @property
     def carried(self) -> np.ndarray | None:
         """How the poses of the chunk have moved with the base of a walk that it leads, shape (4, 4); None for none."""
         self._following()

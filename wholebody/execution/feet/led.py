@@ -92,7 +92,7 @@ class LedChunk:
 
     def moved(self, base: Place) -> np.ndarray:
         """How its poses have moved, by now, with a base that is there, shape (4, 4); not at all in world."""
-        return np.eye(4) if self.in_world else _planar(base) @ self.T_base_frame @ self._T_frame_seen
+        return np.eye(4) if self.in_world else planar(base) @ self.T_base_frame @ self._T_frame_seen
 
     def carried(self, base: Place) -> ActionChunk:
         """The chunk about a base that is there."""
@@ -124,10 +124,13 @@ def moved_by(chunk: ActionChunk, T: np.ndarray) -> ActionChunk:
     return replace(chunk, T_world_lhand=T @ chunk.T_world_lhand, T_world_rhand=T @ chunk.T_world_rhand)
 
 
-def notes(chunk: ActionChunk, *, walked: bool) -> tuple[str, ...]:
-    """What is noted of a chunk: of one that is walked not that its base stays, but where it is slower than asked."""
+def notes(chunk: ActionChunk, *, walked: bool, not_led: str | None = None) -> tuple[str, ...]:
+    """What is noted of a chunk: of one that is walked not that its base stays, but where it is slower than asked.
+
+    ``not_led`` is why its hands are none that a walk can have.
+    """
     if not walked:
-        return chunk.notes
+        return chunk.notes if not_led is None else (*chunk.notes, f"base_velocity {NOT_FOLLOWED}: {not_led}")
     kept = tuple(note for note in chunk.notes if not note.startswith("base_velocity"))
     if share_of_fastest(chunk.base_velocity) <= 1.0:
         return kept
@@ -138,5 +141,6 @@ def notes(chunk: ActionChunk, *, walked: bool) -> tuple[str, ...]:
     return (*kept, f"{asked}, and what of it is beyond {most} {NOT_FOLLOWED}: the robot walks slower")
 
 
-def _planar(base: Place) -> np.ndarray:
+def planar(base: Place) -> np.ndarray:
+    """Pose of a base in world (4, 4)."""
     return make_transform(about_z(base.heading), np.array([base.point.real, base.point.imag, 0.0]))

@@ -17,7 +17,8 @@ from wholebody.control.base import Controller
 from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of
-from wholebody.execution.feet.led import LedChunk, StateLog, asks_to_walk, seen_frame
+from wholebody.execution.feet.hands_of_walks import HandsOfWalks
+from wholebody.execution.feet.led import LedChunk, StateLog, asks_to_walk, planar, seen_frame
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
@@ -57,7 +58,9 @@ class LedWalk(ABC):
     _controller: Controller
     _config: ControllerConfig
     _planted: PlantedFeet
-    _limits: tuple[HandLimits, ...]
+    not_led: str | None
+    _hands: HandsOfWalks
+    _calm: tuple[HandLimits, ...]
     _states: Machine
     _smoother: ReferenceSmoother
     _follower: PlanFollower
@@ -76,7 +79,7 @@ class LedWalk(ABC):
 
         One that says so while the robot walks with another one is walked with, whatever it says.
         """
-        before, self.led = self.led, None
+        before, self.led, self.not_led = self.led, None, None
         self._gave_up = self._gave_up and self.active
         may = may and not self._gave_up
         goes_on = self.active and before is not None and chunk.base_velocity is not None
@@ -84,9 +87,18 @@ class LedWalk(ABC):
             q = self._log.at(chunk.t_obs) if self.active else None
             T = seen_frame(chunk.hands_in, self._anchor(state.q if q is None else q))
             low = self.active and self._log.covers(chunk.t_obs - self._walker.gait.shift)
-            self.led = LedChunk(chunk, T, now, seen_low=low)
-        elif before is not None and self.active:
+            self.led = self._followable(LedChunk(chunk, T, now, seen_low=low))
+        if self.led is None and before is not None and self.active:
             self.stop()
+
+    def _followable(self, led: LedChunk) -> LedChunk | None:
+        """A chunk that leads the base, if its hands are such as a robot that steps can follow, None if not."""
+        led.T_base_frame = self._frame_in_base(led)
+        here = self._walker.walk.guide.place if self.active else self.base
+        height = self._walker.pelvis_height if self.active else float(self._planted.stance[2])
+        pelvis = planar(here) @ self._pelvis_in_base(height)
+        self.not_led = self._hands.why_not(led.carried(here), pelvis, self._calm)
+        return led if self.not_led is None else None
 
     def due(self, now: float) -> bool:
         """Whether the chunk that leads the base asks for a walk now [s], or goes on with one."""
@@ -120,8 +132,8 @@ class LedWalk(ABC):
             way = (there, here) if walker.in_world else (here, there)
             self._smoother.reset(at_rest(hands_carried(self._smoother.motion.rows, *way)))
             walker.in_world = led.in_world
-        led.T_base_frame = self._frame_in_base(walker.pelvis_height if led.seen_low else led.height)
-        prepared = prepare(led.carried(walker.base), tuple(_calm(limits) for limits in self._limits))
+        led.T_base_frame = self._frame_in_base(led)
+        prepared = prepare(led.carried(walker.base), self._calm)
         paths, projected = prepared.paths(now, self._smoother.motion, 1.0)
         led.report.changes.update(_changes(prepared, projected, self._config.planner))
         self._follower.carry(paths, now - chunk.t_obs, float(chunk.times[-1] - chunk.t_obs))
@@ -189,11 +201,15 @@ class LedWalk(ABC):
             return None
         return self.led.report.moved_at(now - self.led.chunk.t_obs)
 
-    def _frame_in_base(self, height: float) -> np.ndarray:
-        """Frame of the led chunk's hands about the base (4, 4), the pelvis where the stance has it, at a height [m]."""
-        floor = float(self._planted.feet.floor(self._controller.spec).point[2])
-        if self.led.chunk.hands_in in ("stance", "soles"):
+    def _frame_in_base(self, led: LedChunk) -> np.ndarray:
+        """Frame of a led chunk's hands about the base (4, 4), the pelvis where the stance has it."""
+        if led.chunk.hands_in in ("stance", "soles"):
+            floor = float(self._planted.feet.floor(self._controller.spec).point[2])
             return make_transform(np.eye(3), np.array([0.0, 0.0, floor]))
+        return self._pelvis_in_base(self._walker.pelvis_height if led.seen_low else led.height)
+
+    def _pelvis_in_base(self, height: float) -> np.ndarray:
+        """The pelvis about the base (4, 4) where the stance has it, at a height [m]."""
         x, y, heading = base_of(self._planted.feet, self._controller.spec)
         seen = Place(complex(x, y), heading).seen(complex(*self._planted.stance[:2]))
         return make_transform(np.eye(3), np.array([seen.real, seen.imag, height]))
@@ -205,9 +221,11 @@ class LedWalk(ABC):
         return Anchor(T, q[7:][robot.pin_to_motor][: len(spec.body_joints)], *spec.by_hand(spec.hand_neutral), spec)
 
 
-def _calm(limits: HandLimits) -> HandLimits:
-    """Limits of a hand of a robot that steps."""
-    return replace(limits, position=limits.position.scaled(*CALM), orientation=limits.orientation.scaled(*CALM))
+def calm(limits: tuple[HandLimits, ...]) -> tuple[HandLimits, ...]:
+    """Limits of the hands of a robot that steps."""
+    return tuple(
+        replace(one, position=one.position.scaled(*CALM), orientation=one.orientation.scaled(*CALM)) for one in limits
+    )
 
 
 def _changes(prepared: PreparedChunk, projected: np.ndarray, config: PlannerConfig) -> dict[Reason, PlanChange]:

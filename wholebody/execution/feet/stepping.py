@@ -16,8 +16,9 @@ from wholebody.errors import ConfigError
 from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
+from wholebody.execution.feet.hands_of_walks import HandsOfWalks
 from wholebody.execution.feet.led import StateLog
-from wholebody.execution.feet.led_walk import TAKEN_UP, LedWalk
+from wholebody.execution.feet.led_walk import TAKEN_UP, LedWalk, calm
 from wholebody.execution.feet.loss import Loss
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.feet.wanted import refused
@@ -87,7 +88,8 @@ class Stepping(LedWalk):
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
         self._until, self._trust, self._loss = -inf, 1.0, Loss(controller)
-        self._limits, self._log, self.led, self._gave_up = limits, StateLog(config.dt), None, False
+        self._calm, self._log, self.led, self._gave_up = calm(limits), StateLog(config.dt), None, False
+        self._hands, self.not_led = HandsOfWalks(controller.robot, planted.stance), None
         self.beyond: np.ndarray | None = None
         robot, limbs = controller.robot, controller.spec.limbs
         below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])

@@ -1,0 +1,62 @@
+"""Which hands a robot that steps can follow: near its shoulders while the trunk is upright, and not fast."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between
+from wholebody.reference import HandLimits
+from wholebody.robot.state import Robot
+
+STRETCHED = 0.92
+"""Share of an arm's length up to which a wrist may be from its shoulder [no unit]; chosen: beyond, the trunk has to
+help, and that moves the body off its steps."""
+BEHIND, ACROSS, BESIDE = 0.1, 0.02, 0.12
+"""How far behind its shoulder and beyond the body's middle a wrist may be, and how near to the body's axis [m]; chosen:
+further, hands and trunk come into each other's way."""
+
+
+class HandsOfWalks:
+    """Where the arms of a robot reach while its trunk is upright over its feet.
+
+    Args:
+        robot: The robot; only its model is kept.
+        stance: Of its joints and base, shape (nq,).
+    """
+
+    def __init__(self, robot: Robot, stance: np.ndarray) -> None:
+        pin.framesForwardKinematics(robot.model, robot.scratch, stance)
+        base = robot.scratch.oMf[robot.frame_id(robot.spec.base_body)]
+        chains = []
+        for side in ("left", "right"):
+            joints = [robot.spec.joints[k].name for k in robot.spec.limbs[f"{side}_arm"]]
+            ids = [robot.model.getJointId(name) for name in joints]
+            chains.append(np.array([base.actInv(robot.scratch.oMi[i]).translation for i in ids]))
+        self._shoulders = np.array([chain[0] for chain in chains])
+        self._lengths = np.array([np.linalg.norm(np.diff(chain, axis=0), axis=1).sum() for chain in chains])
+
+    def why_not(self, chunk: ActionChunk, T_pelvis: np.ndarray, limits: tuple[HandLimits, ...]) -> str | None:
+        """Why hands of a chunk are none that a walk can have, in words; None where it can.
+
+        Args:
+            chunk: The chunk.
+            T_pelvis: Pose of the upright robot's pelvis among the chunk's poses, shape (4, 4).
+            limits: Of the left and the right hand of a robot that steps.
+        """
+        hands = zip(("left", "right"), (chunk.T_world_lhand, chunk.T_world_rhand), (1.0, -1.0), strict=True)
+        for i, (side, T, outwards) in enumerate(hands):
+            p = (T[:, :3, 3] - T_pelvis[:3, 3]) @ T_pelvis[:3, :3]
+            away = np.linalg.norm(p - self._shoulders[i], axis=1).max() / self._lengths[i]
+            speed = np.linalg.norm(np.diff(p, axis=0), axis=1).max(initial=0.0) * chunk.fps
+            turn = angle_between(T[:-1, :3, :3], T[1:, :3, :3]).max(initial=0.0) * chunk.fps
+            near = np.linalg.norm(p[:, :2], axis=1).min()
+            most = limits[i]
+            if away > STRETCHED:
+                return f"the {side} hand is {away:.2f} arm lengths from its shoulder, {STRETCHED:g} are walked with"
+            if speed > most.position.speed or turn > most.orientation.speed:
+                return f"the {side} hand moves at up to {speed:.1f} m/s and {turn:.1f} rad/s"
+            if (outwards * p[:, 1]).min() < -ACROSS or near < BESIDE or p[:, 0].min() < self._shoulders[i, 0] - BEHIND:
+                return f"the {side} hand is behind the body, across or inside it"
+        return None
