@@ -74,6 +74,7 @@ def walk_to(base: Sequence[float], supervisor: Supervisor | None = None, plant: 
 
     Raises:
         StateError: For a supervisor that was never reset.
+        InputError: For a base that is no numbers.
         TypeError: For one of supervisor and plant without the other.
     """
     if (supervisor is None) != (plant is None):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from time import monotonic
 
 import numpy as np
@@ -21,7 +21,7 @@ from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.episode.warm_up import compile_plan
-from wholebody.errors import InputError
+from wholebody.errors import InputError, StateError, WholebodyError
 from wholebody.execution.background_planner import ThreadPlanner
 from wholebody.execution.gate import Gate, judged_elsewhere
 from wholebody.execution.planner_process import PlannerProcess
@@ -83,6 +83,8 @@ class Session:
         # Before the processes start: they inherit it.
         os.environ.update(pacing.BLAS_THREADS)
         self._session, self._page, spec = session, page, describe(config.robot)
+        self._bases: SimpleQueue[tuple[Sequence[float], Future[StatusReport]]] = SimpleQueue()
+        self._over = False
         self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, spec), gate=gate)
         self._robot = robot
         try:
@@ -99,26 +101,42 @@ class Session:
             raise
         self.loop = ControlLoop(spec, self.supervisor, self._robot, state, session.task)
         self.missed: list[str] = []
-        self._bases: SimpleQueue[tuple[Sequence[float], Future[StatusReport]]] = SimpleQueue()
 
     def walk_to(self, base: Sequence[float]) -> Future[StatusReport]:
         """Walk to a base while `run` runs, told from any thread: x, y [m] and heading [rad] midway between the soles.
 
-        The answer of `Supervisor.walk_to` comes after the next tick: ``walking``, or ``walk_refused`` with the reason.
-        A configuration needs ``steps: reach`` for it.
+        The answer of `Supervisor.walk_to` comes after the next tick: ``walking``, or ``walk_refused`` with the reason;
+        its `InputError` for a base that is no numbers, and `StateError` where the run is over or ends before. A
+        configuration needs ``steps: reach`` for it.
         """
         answer: Future[StatusReport] = Future()
         self._bases.put((base, answer))
+        if self._over:
+            self._walk()
         return answer
 
     def _walk(self) -> None:
-        """Tell the supervisor where it is to walk, and whoever asked what it says of that."""
-        while not self._bases.empty():
-            base, answer = self._bases.get()
+        """Tell the supervisor where it is to walk, and whoever asked what it says of that, or that the run is over."""
+        while True:
             try:
-                answer.set_result(self.supervisor.walk_to(base))
-            except (TypeError, ValueError) as error:
+                base, answer = self._bases.get_nowait()
+            except Empty:
+                return
+            if not answer.set_running_or_notify_cancel():
+                continue
+            try:
+                if self._over:
+                    raise StateError("the run of this session is over; it walks while `run` runs")
+                report = self.supervisor.walk_to(base)
+            except WholebodyError as error:
                 answer.set_exception(error)
+            else:
+                answer.set_result(report)
+
+    def _end_walks(self) -> None:
+        """Walk no more; whoever still waits for an answer, or asks from now on, is told."""
+        self._over = True
+        self._walk()
 
     def _warm_up(self, state: RobotState) -> None:
         """Run the loop once, with everything in it, on a robot that does not move."""
@@ -153,9 +171,11 @@ class Session:
         self._robot.go(monotonic() + START_IN)
         try:
             self.loop.run(going)
+            self._end_walks()
             person.asking(False)
             self._lower(tell)
         finally:
+            self._end_walks()
             person.asking(False)
             signal.signal(signal.SIGINT, before)
 
@@ -166,6 +186,7 @@ class Session:
 
     def close(self) -> dict[str, float | str]:
         """End the processes; how the robot's kept time, and why it fell."""
+        self._end_walks()
         self._planner.close()
         return self._robot.close()
 

@@ -13,6 +13,7 @@ from models.pinocchio_model import load_pinocchio, stance_q
 from policy.executor.executor import ExecutorConfig
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
+from wholebody.errors import StateError
 from wholebody.live.loop import StaticRobot
 from wholebody.live.session import Session, SessionConfig
 from wholebody.types import Reason, RobotState
@@ -71,7 +72,33 @@ def test_a_session_is_told_to_walk_from_another_thread(monkeypatch):
         bad = session.walk_to("here")
         session.run({"wave": scripted_policy("wave")}, lambda now: None, ExecutorConfig())
         answer = told.result().result(timeout=0.0)
+    late = session.walk_to((0.3, 0.0, 0.0))
     session.close()
     assert answer.reason is Reason.WALK_REFUSED
     assert "steps: reach" in answer.detail
-    assert bad.done()
+    assert bad.result(timeout=0.0).reason is Reason.WALK_REFUSED
+    assert "is over" in str(late.exception(timeout=0.0))
+
+
+def test_who_asks_for_a_walk_is_answered_though_the_run_ends_before_and_may_take_it_back(monkeypatch):
+    """The future stayed open for ever, and one that was cancelled ended the control loop."""
+    monkeypatch.setattr("wholebody.live.pacing.keep_time", list)
+    session, asked = Session(ControllerConfig(), Watched(), SessionConfig(duration=0.1, settle=0.1, hold=0.1)), []
+
+    def tell(now):
+        asked.append(session.walk_to((0.3, 0.0, 0.0)))
+        if len(asked) == 1:
+            assert asked[0].cancel()
+
+    session.run({"wave": scripted_policy("wave")}, tell, ExecutorConfig())
+    session.close()
+    assert all(one.done() for one in asked)
+    assert asked[1].result(timeout=0.0).reason is Reason.WALK_REFUSED
+    assert isinstance(asked[-1].exception(timeout=0.0), StateError)
+
+
+def test_a_session_that_never_ran_answers_at_its_end():
+    session = Session(ControllerConfig(), Watched(), SessionConfig())
+    asked = session.walk_to((0.3, 0.0, 0.0))
+    session.close()
+    assert isinstance(asked.exception(timeout=0.0), StateError)

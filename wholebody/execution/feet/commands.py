@@ -86,6 +86,7 @@ class Commands(statuses.Following):
 
         Raises:
             StateError: Before the first `reset`.
+            InputError: For a base that is no numbers.
         """
         self._following()
         return self._walk(self._no_walk() or wanted.goal(base, self._stepping.base))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wholebody.errors import InputError
 from wholebody.execution import statuses
 from wholebody.types import Reason, StatusReport
 from wholebody.walking.places import Place, Velocity
@@ -18,10 +19,15 @@ FURTHEST = 10.0
 
 
 def goal(base: Sequence[float], here: Place) -> Place | StatusReport:
-    """A goal in world: x, y [m] and heading [rad], of a robot that is here; or why it is none."""
-    given = np.asarray(base, dtype=float)
+    """A goal in world: x, y [m] and heading [rad], of a robot that is here; or why it is none.
+
+    Raises:
+        InputError: For what is no numbers.
+    """
+    expected = "finite x, y [m] and heading [rad] in world are expected"
+    given = _numbers("base", base, expected)
     if given.shape != (3,) or not np.isfinite(given).all():
-        return refused(f"base is {base}; finite x, y [m] and heading [rad] in world are expected")
+        return refused(f"base is {base}; {expected}")
     x, y, heading = given.tolist()
     place = Place(complex(x, y), heading)
     if (way := abs(place.point - here.point)) > FURTHEST:
@@ -30,10 +36,15 @@ def goal(base: Sequence[float], here: Place) -> Place | StatusReport:
 
 
 def velocity(told: Sequence[float]) -> Velocity | StatusReport:
-    """A velocity ahead, to the left [m/s] and about the vertical [rad/s], within `FASTEST`; or why it is none."""
-    given = np.asarray(told, dtype=float)
+    """A velocity ahead, to the left [m/s] and about the vertical [rad/s], within `FASTEST`; or why it is none.
+
+    Raises:
+        InputError: For what is no numbers.
+    """
+    expected = "finite speeds ahead, left [m/s] and turning [rad/s] are expected"
+    given = _numbers("velocity", told, expected)
     if given.shape != (3,) or not np.isfinite(given).all():
-        return refused(f"velocity is {told}; finite speeds ahead, left [m/s] and turning [rad/s] are expected")
+        return refused(f"velocity is {told}; {expected}")
     x, y, turn = given.tolist()
     share = share_of_fastest(given)
     return Velocity(complex(x, y) / share, turn / share) if share > 1.0 else Velocity(complex(x, y), turn)
@@ -49,3 +60,11 @@ def share_of_fastest(velocities: np.ndarray) -> float:
 def refused(detail: str) -> StatusReport:
     """No walk is begun or changed."""
     return statuses.refused(Reason.WALK_REFUSED, detail)
+
+
+def _numbers(name: str, given: Sequence[float], expected: str) -> np.ndarray:
+    """What was given as numbers."""
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name} is {given!r:.80}; {expected}") from error

@@ -16,7 +16,7 @@ from policy.scripted.policy import to_chunk
 from tests.support.felt import Felt
 from wholebody.config import ControllerConfig, RobotConfig
 from wholebody.episode.run import EpisodeConfig, followed, observe, run_episode
-from wholebody.errors import ConfigError
+from wholebody.errors import ConfigError, InputError
 from wholebody.execution import statuses
 from wholebody.execution.feet import elsewhere, wanted
 from wholebody.execution.feet.stepping import LASTS
@@ -199,6 +199,14 @@ def test_bad_commands_are_refused_and_change_nothing(supervisor, plant, command,
     report = getattr(supervisor, command)(given)
     assert report.reason is Reason.WALK_REFUSED
     assert said in report.detail
+    assert supervisor.state is State.HOLDING
+
+
+@pytest.mark.parametrize("given", ["here", (1.0, None, [2.0]), (0.0, 10**400, 0.0), object(), b"x"])
+@pytest.mark.parametrize("command", ["walk_to", "walk"])
+def test_what_is_no_numbers_is_a_mistake_of_whoever_calls(supervisor, command, given):
+    with pytest.raises(InputError, match="are expected"):
+        getattr(supervisor, command)(given)
     assert supervisor.state is State.HOLDING
 
 
