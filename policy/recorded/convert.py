@@ -113,8 +113,8 @@ def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS
             f"{times[-1]:.6g} s at {fps:.6g} Hz; a rate of {FPS_MIN:g} to {FPS_MAX:g} Hz and fewer than {STEPS_MAX} "
             "frames are expected"
         )
-    # A rounding error must not cost the last frame.
-    at = np.arange(int(np.floor(times[-1] * fps + 1e-9)) + 1) / fps
+    # The last step has a frame, in which the rate may have it a little later; a rounding error must not cost one more.
+    at = np.arange(int(np.ceil(times[-1] * fps - 1e-9)) + 1) / fps
     T_l, T_r = (
         inverse(anchor.T_world_base) @ interpolate(T, times, at) for T in (chunk.T_world_lhand, chunk.T_world_rhand)
     )

@@ -17,9 +17,10 @@ from models import g1
 from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
+from policy.action_spec.slot_values import NOT_FOLLOWED
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError, FileFormatError, RotationError
-from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
+from policy.geometry.rotations import angle_between, matrix_to_quaternion, quaternion_to_matrix
 from policy.geometry.se3 import interpolate, make_transform
 from policy.kinematics.forward import kinematics
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX, ReadingError, read_text
@@ -40,6 +41,10 @@ HANDS_ONLY = "hands only: the feet of this motion "
 """How a note begins that says that root and legs of a motion are not followed."""
 FEET_MOVE, FEET_TURN = 0.25, np.deg2rad(45.0)
 """How far a pelvis goes or turns at most while the feet may stay [m, rad]; chosen: a lean, a twist of the legs."""
+HANDS = {"lhand": "left", "rhand": "right"}
+"""Sides of the wrists' frames."""
+STRAY_MAX = 0.02, np.deg2rad(10.0)
+"""How far a frame may be off the way from step to step [m, rad]: what verdicts call as given."""
 _NAMED_RATE = re.compile(r"(?<![a-z0-9])(?:(\d{2,3}) ?(?:hz|fps)|(?:hz|fps) ?(\d{2,3}))(?![a-z0-9])", re.IGNORECASE)
 _MAGNITUDE_MAX = 1e3
 """Neither metres nor radians of a motion come near it: such a file has another unit or is damaged."""
@@ -183,11 +188,12 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
     """The whole motion as one long chunk of a standing robot.
 
     The wrists are taken relative to each frame's own pelvis (root translation, yaw and tilt are dropped), resampled on
-    SE(3) and anchored once, at the nominal stance. Fingers are neutral.
+    SE(3) from the first frame to the last, and anchored once, at the nominal stance. Fingers are neutral. A note says
+    where frames between the steps are further off than `STRAY_MAX`.
 
     Args:
         motion: What was recorded.
-        fps: Rate of the chunk [Hz].
+        fps: Rate of the chunk [Hz]; a little more where its steps would not end with the last frame.
 
     Raises:
         ChunkError: If that is more than `STEPS_MAX` steps.
@@ -200,14 +206,41 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
         )
     poses = kinematics(motion.robot).poses(motion.q_body)
     times = np.arange(len(motion)) / motion.fps
-    # A rounding error must not cost the last step.
-    at = np.arange(int(np.floor(motion.duration * fps + 1e-9)) + 1) / fps
-    T_l, T_r = (anchor.T_world_base @ interpolate(poses[hand], times, at) for hand in ("lhand", "rhand"))
+    # A rounding error must not cost a step more.
+    last = int(np.ceil(motion.duration * fps - 1e-9))
+    if last > motion.duration * fps + 1e-9:
+        fps = last / motion.duration
+    at = np.arange(last + 1) / fps
+    steps = {hand: interpolate(poses[hand], times, at) for hand in HANDS}
+    T_l, T_r = (anchor.T_world_base @ steps[hand] for hand in HANDS)
     q_l, q_r = (np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand))
     layout = builtin("wbc32", motion.robot).id
-    chunk = ActionChunk(layout, 0, 0.0, float(fps), T_l, T_r, q_l, q_r, notes=_of_feet(motion))
+    left_out = _of_frames({hand: poses[hand] for hand in HANDS}, steps, times, at)
+    chunk = ActionChunk(layout, 0, 0.0, float(fps), T_l, T_r, q_l, q_r, notes=_of_feet(motion) + left_out)
     chunk.validate(robot=motion.robot)
     return chunk
+
+
+def _of_frames(
+    frames: dict[str, np.ndarray], steps: dict[str, np.ndarray], times: np.ndarray, at: np.ndarray
+) -> tuple[str, ...]:
+    """Note on frames between steps that are off the way from step to step, and by how much the farthest is."""
+    far, count = {}, np.zeros(len(times), dtype=bool)
+    for hand, T in frames.items():
+        way = interpolate(steps[hand], at, times)
+        away = np.linalg.norm(way[:, :3, 3] - T[:, :3, 3], axis=1)
+        turned = angle_between(way[:, :3, :3], T[:, :3, :3])
+        share = np.maximum(away / STRAY_MAX[0], turned / STRAY_MAX[1])
+        row = int(share.argmax())
+        far[HANDS[hand]] = share[row], away[row], turned[row], row
+        count |= share > 1.0
+    if not count.any():
+        return ()
+    hand, (_, away, turned, row) = max(far.items(), key=lambda one: one[1])
+    where = f"{hand} hand {away * 1e3:.0f} mm and {np.rad2deg(turned):.0f} deg off at row {row} ({times[row]:.2f} s)"
+    rate = (len(at) - 1) / times[-1]
+    left_out = f"{count.sum()} of {len(times)} rows, between steps of {rate:.3g} Hz, {NOT_FOLLOWED}"
+    return (f"what happens in {left_out}: {where} at worst",)
 
 
 def _of_feet(motion: Motion) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def test_fingers_are_neutral(file):
 
 
 def test_another_rate_is_interpolated_on_se3(tmp_path):
-    fine, coarse = made_up_motion(500, 250.0), made_up_motion(101, 50.0)
+    fine, coarse = made_up_motion(501, 250.0), made_up_motion(101, 50.0)
     expected = motion_chunk(fine, fps=30.0)
     found = motion_chunk(coarse, fps=30.0)
     steps = min(len(found), len(expected))
@@ -61,6 +61,34 @@ def test_another_rate_is_interpolated_on_se3(tmp_path):
 def test_the_frame_rate_scales_time(file):
     assert motion_chunk(read_motion_csv(file, fps=120.0)).times[-1] == pytest.approx(1.0)
     assert motion_chunk(read_motion_csv(file, fps=30.0)).times[-1] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("count", "rate"), [(70, 50.0), (72, 50.0), (120, 60.0), (2, 50.0), (100, 29.97), (301, 120.0)]
+)
+def test_the_last_frame_is_the_last_step(count, rate):
+    motion = made_up_motion(count, rate)
+    chunk = motion_chunk(motion)
+    last = Anchor.nominal().T_world_base @ kinematics().poses(motion.q_body)["rhand"][-1]
+    assert chunk.times[-1] == pytest.approx(motion.duration, abs=1e-12)
+    assert np.abs(chunk.T_world_rhand[-1] - last).max() < 1e-12
+    assert len(chunk) - 1 == np.ceil(round(30.0 * motion.duration, 9))
+
+
+def test_rows_that_jump_between_steps_are_said():
+    motion = made_up_motion()
+    assert len(motion_chunk(motion).notes) == 1  # of the feet
+    motion.q_body[61, motion.robot.body_joints.index("right_elbow_joint")] += 1.0
+    note = motion_chunk(motion).notes[-1]
+    assert note.startswith("what happens in 1 of 121 rows, between steps of 30 Hz, is not followed: right hand ")
+    assert " at row 61 (1.02 s)" in note
+
+
+def test_a_chunk_that_becomes_a_motion_keeps_its_last_step(file, tmp_path):
+    convert(file, tmp_path / "a.npz")
+    convert(tmp_path / "a.npz", tmp_path / "b.csv", csv_fps=47.0)
+    last = motion_chunk(read_motion_csv(tmp_path / "b.csv", fps=47.0)).T_world_rhand[-1, :3, 3]
+    assert np.abs(last - motion_chunk(made_up_motion()).T_world_rhand[-1, :3, 3]).max() < 1e-3
 
 
 def test_a_single_frame_is_one_step(tmp_path):
