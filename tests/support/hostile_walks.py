@@ -1,11 +1,19 @@
-"""Hostile chunks that say a base velocity: families of hands, frames that they are in, and velocities, by the seed."""
+"""Hostile chunks that say a base velocity: families of hands, frames that they are in, and velocities, by the seed.
+
+Beside those: hands that are just such as a robot that steps is led with, at the edge of what
+`wholebody.execution.feet.hands_of_walks` allows.
+"""
 
 from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
 
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import quaternion_to_matrix
+from policy.scripted.policy import stance_pose
 from tests.support import hostile_chunks
+from wholebody.execution.feet.hands_of_walks import ACROSS, BEHIND, BESIDE, STRETCHED
 from wholebody.execution.states import State
 from wholebody.sim.fall import detect_fall
 
@@ -14,6 +22,12 @@ FRAMES = ("pelvis", "world", "stance")
 VELOCITIES = ((0.4, 0.0, 0.0), (-0.25, 0.0, 0.0), (0.0, 0.15, 0.0), (0.0, 0.0, 0.5), (0.3, 0.0, 0.3))
 CASES = prod(map(len, (KINDS, FRAMES, VELOCITIES)))
 """Seeds from which on the same kind, frame and velocity come again, with other numbers."""
+EDGES = ("far", "near", "behind", "low", "high")
+"""Which bound hands are just inside of: far from the shoulder, near the middle, behind it; and far down and far up."""
+JUST, TURNED = 0.1, 0.8
+"""Share of a bound by which hands are inside it at most [no unit], and how far they are turned at most [rad]."""
+SHOULDER, ARM = np.array([0.0, 0.1, 0.29]), 0.41
+"""Of a G1 about its pelvis, and what `hands_of_walks` takes for the length of an arm [m]."""
 FIRST, APART, CHUNKS = 0.2, 1.0, 4
 """Time of the first chunk, from one to the next [s], and how many come."""
 
@@ -48,6 +62,40 @@ class HostileWalk:
         )
 
 
+def wrist_at_edge(rng, edge):
+    """Where a left wrist of a robot that stands upright is just inside a bound, about its pelvis (3,) [m]."""
+    far = STRETCHED * ARM
+    while True:
+        way = rng.normal(size=3)
+        if edge in ("low", "high"):
+            way[2] = 3.0 * abs(way[2]) * (1.0 if edge == "high" else -1.0)
+        p = SHOULDER + far * (1.0 - JUST * rng.uniform(0.05, 1.0)) * way / np.linalg.norm(way)
+        if edge == "near":
+            p[1] = rng.uniform(-ACROSS, 0.05)
+        if edge == "behind":
+            p[0] = -BEHIND * (1.0 - JUST * rng.uniform(0.05, 1.0))
+        apart = np.linalg.norm(p[:2]) > 1.05 * BESIDE and p[1] > -0.95 * ACROSS and p[0] > -0.995 * BEHIND
+        if apart and np.linalg.norm(p - SHOULDER) < 0.995 * far:
+            return p
+
+
+def edge_walk(supervisor, plant, seed, until=6.5):
+    """Lead a robot by hands just inside the bounds until a time [s], or a fall; there are new ones each second."""
+    edge, velocity = EDGES[seed % len(EDGES)], VELOCITIES[seed // len(EDGES) % len(VELOCITIES)]
+    stance = stance_pose()
+
+    def chunk(rng, seq, time):
+        q, T = plant.state().q, np.tile(np.eye(4), (2, hostile_chunks.STEPS, 1, 1))
+        axes = quaternion_to_matrix(q[3:7], "xyzw")
+        for i, R in enumerate((stance.R_world_lhand, stance.R_world_rhand)):
+            T[i, :, :3, 3] = q[:3] + axes @ (wrist_at_edge(rng, edge) * (1.0, 1.0 - 2.0 * i, 1.0))
+            T[i, :, :3, :3] = axes @ R @ hostile_chunks.random_rotations(rng, 1, TURNED)[0]
+        fingers = [np.tile(q, (hostile_chunks.STEPS, 1)) for q in (stance.q_lhand, stance.q_rhand)]
+        return ActionChunk("wbc32", seq, time, hostile_chunks.FPS, T[0], T[1], *fingers)
+
+    return walked(supervisor, plant, np.random.default_rng((7, seed)), chunk, (edge, "pelvis", velocity), until)
+
+
 def hostile_walk(supervisor, plant, seed, until=6.5):
     """Lead a robot by the chunks of a seed until a time [s], or a fall."""
     n, m = len(KINDS), len(FRAMES)
@@ -56,12 +104,27 @@ def hostile_walk(supervisor, plant, seed, until=6.5):
         FRAMES[seed // n % m],
         VELOCITIES[(seed // (n * m) + seed) % len(VELOCITIES)],
     )
-    rng, state, dt = np.random.default_rng(seed), plant.reset(), plant.control_dt
+
+    def chunk(rng, seq, time):
+        return hostile_chunks.hostile_chunk(kind, rng, seq, time)
+
+    return walked(supervisor, plant, np.random.default_rng(seed), chunk, (kind, frame, velocity), until)
+
+
+def walked(supervisor, plant, rng, made, case, until):
+    """Lead a robot by chunks of a kind, a frame and a velocity until a time [s], or a fall.
+
+    Args:
+        made: Makes a chunk of a generator, its number and the time of its observation.
+        case: Kind, frame and velocity.
+    """
+    kind, frame, velocity = case
+    state, dt = plant.reset(), plant.control_dt
     supervisor.reset(state)
     fall, walked, reasons, off, sent = None, 0.0, {}, 0.0, 0
     while state.time < until and fall is None:
         if sent < CHUNKS and state.time >= FIRST + sent * APART - 1e-9:
-            chunk = hostile_chunks.hostile_chunk(kind, rng, sent, state.time)
+            chunk = made(rng, sent, state.time)
             speeds = np.tile(velocity, (len(chunk), 1))
             supervisor.accept(replace(chunk, base_velocity=speeds, hands_in=frame))
             sent += 1

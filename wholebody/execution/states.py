@@ -43,7 +43,7 @@ class Event(Enum):
     LOWER = "`lower`"
     RAISE = "`raise_`"
     ARRIVED = "the robot has arrived, at rest"
-    WALK_LOW = "`walk_to` or `walk` of a robot that leans or squats"
+    WALK_LOW = "`walk_to` or `walk` of a robot that leans, squats or reaches far"
     WALK = "`walk_to` or `walk` of a robot that is upright"
     PUSHED = "the capture point is beyond what soles that stand bring back, and a step does"
     SETTLED = "both feet stand where they are wanted"

@@ -45,18 +45,29 @@ class HandsOfWalks:
             T_pelvis: Pose of the upright robot's pelvis among the chunk's poses, shape (4, 4).
             limits: Of the left and the right hand of a robot that steps.
         """
-        hands = zip(("left", "right"), (chunk.T_world_lhand, chunk.T_world_rhand), (1.0, -1.0), strict=True)
-        for i, (side, T, outwards) in enumerate(hands):
-            p = (T[:, :3, 3] - T_pelvis[:3, 3]) @ T_pelvis[:3, :3]
-            away = np.linalg.norm(p - self._shoulders[i], axis=1).max() / self._lengths[i]
-            speed = np.linalg.norm(np.diff(p, axis=0), axis=1).max(initial=0.0) * chunk.fps
+        hands = np.stack([chunk.T_world_lhand, chunk.T_world_rhand])
+        if (fault := self.why_not_there(hands[:, :, :3, 3], T_pelvis)) is not None:
+            return fault
+        for side, T, most in zip(("left", "right"), hands, limits, strict=True):
+            speed = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).max(initial=0.0) * chunk.fps
             turn = angle_between(T[:-1, :3, :3], T[1:, :3, :3]).max(initial=0.0) * chunk.fps
-            near = np.linalg.norm(p[:, :2], axis=1).min()
-            most = limits[i]
-            if away > STRETCHED:
-                return f"the {side} hand is {away:.2f} arm lengths from its shoulder, {STRETCHED:g} are walked with"
             if speed > most.position.speed or turn > most.orientation.speed:
                 return f"the {side} hand moves at up to {speed:.1f} m/s and {turn:.1f} rad/s"
+        return None
+
+    def why_not_there(self, points: np.ndarray, T_pelvis: np.ndarray) -> str | None:
+        """Why a walk cannot have its wrists at points (2, n, 3) [m], in words; None where it can.
+
+        Args:
+            points: Of the left and the right wrist, among the poses that the pelvis' is one of.
+            T_pelvis: Pose of the upright robot's pelvis, shape (4, 4).
+        """
+        for i, (side, outwards) in enumerate((("left", 1.0), ("right", -1.0))):
+            p = (points[i] - T_pelvis[:3, 3]) @ T_pelvis[:3, :3]
+            away = np.linalg.norm(p - self._shoulders[i], axis=1).max() / self._lengths[i]
+            near = np.linalg.norm(p[:, :2], axis=1).min()
+            if away > STRETCHED:
+                return f"the {side} hand is {away:.2f} arm lengths from its shoulder, {STRETCHED:g} are walked with"
             if (outwards * p[:, 1]).min() < -ACROSS or near < BESIDE or p[:, 0].min() < self._shoulders[i, 0] - BEHIND:
                 return f"the {side} hand is behind the body, across or inside it"
         return None

@@ -17,9 +17,10 @@ from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
 from wholebody.execution.feet.hands_of_walks import HandsOfWalks
-from wholebody.execution.feet.led import StateLog
+from wholebody.execution.feet.led import StateLog, planar
 from wholebody.execution.feet.led_walk import TAKEN_UP, LedWalk, calm
 from wholebody.execution.feet.loss import Loss
+from wholebody.execution.feet.ready_to_walk import ReadyToWalk
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.feet.wanted import refused
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
@@ -46,9 +47,6 @@ CAUGHT_FROM = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING)
 NEAR = 0.05
 """Difference of two ends of chunks, place [m] or axes [no unit], up to which what was found for one holds for the
 other; chosen: a search among standing places takes a second."""
-UPRIGHT = 0.6
-"""Distance of a joint of legs or waist from the stance up to which a walk begins at once [rad]; chosen: further off,
-the robot leans or squats, and a walk would have to lift what was planned for that."""
 
 
 class Stepping(LedWalk):
@@ -91,9 +89,7 @@ class Stepping(LedWalk):
         self._calm, self._log, self.led, self._gave_up = calm(limits), StateLog(config.dt), None, False
         self._hands, self.not_led = HandsOfWalks(controller.robot, planted.stance), None
         self.beyond: np.ndarray | None = None
-        robot, limbs = controller.robot, controller.spec.limbs
-        below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])
-        self._below = np.flatnonzero(np.isin(robot.motor_to_pin, below))
+        self._ready = ReadyToWalk(controller.robot, planted.stance, self._hands)
         self.contacts, self.then = planted.contacts, None
         self.status = self._walks = statuses.WALKING
         if self._walker is not None:
@@ -158,9 +154,9 @@ class Stepping(LedWalk):
         return abs(wanted.point - here.point) <= CLOSED[0] and abs(here.turn_to(wanted)) <= CLOSED[1]
 
     def _begin(self, state: RobotState, now: float) -> None:
-        """Walk; a robot that leans or squats goes to its stance first."""
-        off = np.abs(state.q[7:] - self._planted.stance[7:])[self._below].max()
-        if off > UPRIGHT and self._states.now is not State.RISING:
+        """Walk; a robot that leans, squats or has its hands far away goes to its stance first."""
+        pelvis = planar(self.base) @ self._pelvis_in_base(float(self._planted.stance[2]))
+        if self._states.now is not State.RISING and not self._ready.look(state.q, pelvis):
             self._states.on(Event.WALK_LOW)
             self.status = statuses.RISING
             self._reflex.go_to(state, self._planted.stance, self.status)
