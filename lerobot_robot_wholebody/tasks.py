@@ -12,7 +12,7 @@ from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
 from models.places import BUTTON_TRAVEL, ON_TABLE
 from policy.action_spec.anchor import Anchor
 from policy.learned.reach import REACHED, goals_of
-from policy.scripted.contact import press
+from policy.scripted.contact import lift_carton, press
 from policy.scripted.library import grasp, hand_over
 from policy.scripted.policy import ScriptedPolicy
 from wholebody.live.served.messages import Seen
@@ -138,7 +138,10 @@ class Thing:
     """
 
     marks = 0
-    names = tuple(f"object_{axis}.pos" for axis in "xyz")
+    names = (
+        *(f"object_{axis}.pos" for axis in "xyz"),
+        *(f"to_object_{side}_{axis}.pos" for side in SIDES for axis in "xyz"),
+    )
 
     def __init__(self, seed: int, about: Moved) -> None:
         self._rng, self._about = np.random.default_rng(seed), about
@@ -166,8 +169,9 @@ class Thing:
         return self._about.script(self.off)
 
     def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
-        """Where it is; world and stance are the same to a robot whose feet stay."""
-        return dict(zip(self.names, seen.objects[0, :3].tolist(), strict=True))
+        """Where it is, and the way to it from each palm; world and stance are the same to a robot whose feet stay."""
+        at = seen.objects[0, :3]
+        return dict(zip(self.names, [*at.tolist(), *(at - palms).ravel().tolist()], strict=True))
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
         """No balls: it is seen itself."""
@@ -182,13 +186,17 @@ class Thing:
 
 
 def _grasped(off: np.ndarray) -> ScriptedPolicy:
-    return grasp((ON_TABLE[0] + off[0], ON_TABLE[1] + off[1], ON_TABLE[2] + 0.08))
+    return grasp((ON_TABLE[0] + off[0], ON_TABLE[1] + off[1], ON_TABLE[2] + 0.08), around=True)
 
 
 UP, IN = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 THINGS = {
     "pick": Moved(
         scene="table_cylinder", words="pick up the cylinder", way=UP, least=0.06, script=_grasped, spread=(0.02, 0.04)
+    ),
+    "lift": Moved(
+        scene="table_carton", words="lift the carton with both hands", way=UP, least=0.06,
+        script=lambda off: lift_carton((off[0], off[1])), spread=(0.02, 0.02), steps=360,
     ),
     "press": Moved(
         scene="button", words="press the button", way=IN, least=BUTTON_TRAVEL, script=lambda _: press(), held=1,

@@ -105,8 +105,12 @@ class _Script:
     """
 
     def __init__(self, rng: np.random.Generator, script: ScriptedPolicy) -> None:
+        import numpy as np
+
         self._script, self._begin, self._pace = script, rng.uniform(*BEGIN), rng.uniform(*PACE)
         self._bulge = rng.normal(0.0, BULGE, (2, 3))
+        # Out to the side, never in: there the thing is.
+        self._bulge[:, 1] = np.abs(self._bulge[:, 1]) * (1.0, -1.0)
 
     def at(self, time: float) -> Hands:
         """What hands do at a time since the phase began [s]."""

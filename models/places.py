@@ -36,5 +36,5 @@ BUTTON_TRAVEL = 0.010
 """How far in the button clicks [m]; chosen: as of an emergency stop."""
 ON_TABLE = (0.42, 0.15, TABLE_HEIGHT)
 """Place of an object on the table, middle of its underside [m]; one for two hands: the same at y = 0."""
-CRATE_WIDTH = 0.30
-"""Distance of the palms on the crate [m]."""
+CRATE_WIDTH, CARTON_WIDTH = 0.30, 0.20
+"""Distances of the palms on the crate and on the carton [m]."""

@@ -30,7 +30,7 @@ def add_shown(plain: Path, whole: Path) -> None:
 
     dataset = LeRobotDataset("loop/recorded", root=plain)
     names = dataset.features[STATE]["names"]
-    shown = [name for name in names if name.startswith(("to_goal_", "object_"))]
+    shown = [name for name in names if name.startswith(("to_goal_", "object_", "to_object_"))]
     columns = [names.index(name) for name in shown]
     values = np.array(dataset.hf_dataset.with_format("numpy")[STATE], dtype=np.float32)[:, columns]
     feature = {"dtype": "float32", "shape": (len(shown),), "names": shown}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import mujoco
 
-from models.places import CRATE_WIDTH
+from models.places import CARTON_WIDTH, CRATE_WIDTH
 from models.scenes.furniture import Place
 
 OBJECT_BODY = "object"
@@ -42,7 +42,7 @@ def add_flask(mj: mujoco.MjSpec, place: Place) -> list[float]:
 def add_carton(mj: mujoco.MjSpec, place: Place) -> list[float]:
     """A carton in the middle, to be brushed by both thumbs: 1 kg, 160 x 200 x 160 mm."""
     at, brown = (place[0], 0.0, place[2]), (0.70, 0.55, 0.35, 1.0)
-    return _add(mj, at, mujoco.mjtGeom.mjGEOM_BOX, (0.08, 0.10, 0.08), 1.0, brown)
+    return _add(mj, at, mujoco.mjtGeom.mjGEOM_BOX, (0.08, 0.5 * CARTON_WIDTH, 0.08), 1.0, brown)
 
 
 def add_crate(mj: mujoco.MjSpec, place: Place) -> list[float]:

@@ -16,6 +16,7 @@ from models.places import (
     BUTTON,
     BUTTON_FORCE,
     BUTTON_TRAVEL,
+    CARTON_WIDTH,
     CRATE_WIDTH,
     DRAWER_FRICTION,
     LEVER,
@@ -256,12 +257,47 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.008) 
         ],
     )
 
+    return _flat(carried)
+
+
+def lift_carton(off: tuple[float, float] = (0.0, 0.0), *, depth: float = 0.045) -> ScriptedPolicy:
+    """Two palms lift the carton of 1 kg by 0.10 m, so slowly that the push of hands that are told no force holds it.
+
+    Args:
+        off: How far ahead and to the left of its usual place it stands [m].
+        depth: How far into its sides the palms are commanded [m]; measured: 18 N a hand, and 12 N while it rises.
+    """
+    y = 0.5 * CARTON_WIDTH + PALM_FACE
+    middle, up = np.array([ON_TABLE[0] - 0.055 + off[0], off[1], TABLE_HEIGHT + 0.08]), np.array([0.0, 0.0, 0.10])
+
+    def both(time: float, at: np.ndarray, half: float) -> Waypoint:
+        out = np.array([0.0, half, 0.0])
+        return Waypoint(time, at + out, at - out, -INWARDS, INWARDS)
+
+    return _flat(
+        waypoint_policy(
+            "lift_carton",
+            [
+                both(2.5, middle + 0.5 * up, y + 0.08),
+                both(3.3, middle, y + 0.04),
+                both(4.2, middle, y),
+                both(5.2, middle, y - depth),
+                both(10.2, middle + up, y - depth),
+                both(12.0, middle + up, y - depth),
+            ],
+        )
+    )
+
+
+def _flat(policy: ScriptedPolicy) -> ScriptedPolicy:
+    """The same motion with both hands flat, once they are in front of the robot."""
+
     def script(t: np.ndarray) -> ScriptedMotion:
-        motion, share = carried.script(t), minimum_jerk(t / 2.5)[:, None]
+        motion, share = policy.script(t), minimum_jerk(t / 2.5)[:, None]
         flat = [q + share * (sign * FLAT_HAND - q) for q, sign in ((motion.q_lhand, 1.0), (motion.q_rhand, -1.0))]
         return replace(motion, q_lhand=flat[0], q_rhand=flat[1])
 
-    return ScriptedPolicy("lift_box", script, carried.duration)
+    return ScriptedPolicy(policy.name, script, policy.duration)
 
 
 def _hands(which: tuple[str, ...], time: float, left: np.ndarray, closing: float | None) -> Waypoint:

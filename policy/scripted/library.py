@@ -191,6 +191,7 @@ def grasp(
     *,
     side: Side = "left",
     lift: float = 0.10,
+    around: bool = False,
     p_palm_object: np.ndarray = OBJECT_IN_PALM,
     robot: RobotSpec | None = None,
 ) -> ScriptedPolicy:
@@ -201,6 +202,7 @@ def grasp(
             the object of the scene ``table_cylinder``.
         side: Which hand.
         lift: How far up [m].
+        around: Whether the hand goes aside before it goes ahead, for an object that is in its way.
         p_palm_object: Object centre from the left palm point in hand axes, (3,), [m]; mirrored for the right hand.
         robot: Whose hands; the G1's with Dex3 hands if None.
     """
@@ -211,9 +213,11 @@ def grasp(
     # Against the object's direction seen from the palm: the open hand moves in sideways.
     aside = at_object - R @ np.array([0.0, 0.12 * np.sign(offset[1]), 0.0])
     up = np.array([0.0, 0.0, lift])
+    home = _home(robot)[side == "right"]
     return waypoint_policy(
         "grasp",
         [
+            *([one_hand(side, 1.3, np.array([home[0], aside[1], home[2]]), 0.0)] if around else []),
             one_hand(side, 2.5, aside, 0.0),
             one_hand(side, 4.5, at_object, 0.0),
             one_hand(side, 6.0, None, 1.0),

@@ -107,8 +107,11 @@ def test_a_thing_stands_elsewhere_by_the_seed_and_is_put_back(picking):
     places = []
     for seed in (1, 2, 1):
         observation, _ = picking.reset(seed=seed)
-        assert observation["environment_state"].tolist() == observation["agent_pos"][-3:].tolist()
-        places.append(observation["environment_state"])
+        assert observation["environment_state"].tolist() == observation["agent_pos"][-9:].tolist()
+        palms = picking._numbers.palms(picking._seen.observation)
+        place, ways = observation["environment_state"][:3], observation["environment_state"][3:].reshape(2, 3)
+        assert np.allclose(palms + ways, place, atol=1e-6)
+        places.append(place)
     assert np.abs(places[0] - places[1]).max() > 5e-3
     assert np.array_equal(places[0], places[2])
 
@@ -135,7 +138,7 @@ def test_a_setting_that_cannot_be_is_refused_by_its_name(name, value):
         WholebodyEnvConfig(**{name: value})
 
 
-@pytest.mark.parametrize("task", ["reach", "pick", "press"])
+@pytest.mark.parametrize("task", ["reach", "pick", "lift"])
 def test_lerobots_features_are_the_environments(task):
     config = WholebodyEnvConfig(task=task)
     env = G1Env(**config.gym_kwargs)

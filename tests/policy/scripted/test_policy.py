@@ -7,6 +7,7 @@ from models import g1
 from models.unitree_g1 import LOCKED
 from policy import SCRIPTS, PolicyError, scripted_policy
 from policy.action_spec.hands import grasp_posture
+from policy.scripted.contact import FINGERS_AHEAD
 from policy.scripted.library import OBJECT_IN_PALM, grasp, lissajous, pick, reach, scripts_of, two_hand_lift, wave
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
 from policy.scripted.waypoints import Waypoint, waypoint_policy
@@ -118,6 +119,16 @@ def test_grasp_is_meant_for_the_cylinder_of_the_scene():
 def test_grasp_comes_from_the_open_side_of_the_hand():
     aside = grasp((0.36, -0.10, 0.83), side="right").script(np.array([2.5])).p_world_rpalm[0]
     assert aside[1] < -0.2
+
+
+def test_a_grasp_around_goes_aside_before_it_goes_ahead():
+    """Strategy: the cylinder in front of the hand, whose tips would meet it on a straight way."""
+    at, clear = np.array([0.40, 0.19, 0.83]), []
+    for around in (False, True):
+        palms = grasp(tuple(at), around=around).script(np.arange(0.0, 2.5, 0.01)).p_world_lpalm
+        beside = palms[palms[:, 0] + FINGERS_AHEAD > at[0] - 0.03]
+        clear.append(beside[:, 1].min() > at[1] + 0.085)
+    assert clear == [False, True]
 
 
 def test_the_other_hand_stays_in_the_stance():
