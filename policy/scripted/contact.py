@@ -261,7 +261,7 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.008) 
 
 
 def lift_carton(off: tuple[float, float] = (0.0, 0.0), *, depth: float = 0.045) -> ScriptedPolicy:
-    """Two palms lift the carton of 1 kg by 0.10 m, so slowly that the push of hands that are told no force holds it.
+    """Motion of two palms that lift the carton of 1 kg by 0.10 m, so slowly that hands which are told no force hold it.
 
     Args:
         off: How far ahead and to the left of its usual place it stands [m].
@@ -290,7 +290,7 @@ def lift_carton(off: tuple[float, float] = (0.0, 0.0), *, depth: float = 0.045) 
 
 
 def _flat(policy: ScriptedPolicy) -> ScriptedPolicy:
-    """The same motion with both hands flat, once they are in front of the robot."""
+    """Motion of a policy with both hands flat, once they are in front of the robot."""
 
     def script(t: np.ndarray) -> ScriptedMotion:
         motion, share = policy.script(t), minimum_jerk(t / 2.5)[:, None]
