@@ -35,8 +35,13 @@ def checked(function: Callable, native: Callable, first: tuple) -> Callable:
             tuple) than in the first call. Reals may be given as whole numbers, which are converted.
     """
     names, kinds = tuple(signature(function).parameters), tuple(map(_kind, first))
+    before: tuple[tuple, list] | None = None
 
     def call(*arguments: object) -> object:
+        nonlocal before
+        if before is not None and _alike(arguments, *before):
+            before = arguments, before[1]
+            return native(*arguments)
         if len(arguments) != len(kinds):
             raise TypeError(f"{function.__qualname__} takes {len(kinds)} arguments, not {len(arguments)}")
         for name, kind, argument in zip(names, kinds, arguments, strict=True):
@@ -46,9 +51,31 @@ def checked(function: Callable, native: Callable, first: tuple) -> Callable:
                     f"{function.__module__}.{function.__qualname__} was compiled for {name} = {kind}, not {given}: "
                     "convert it before the call"
                 )
+        before = arguments, [_mark(argument) for argument in arguments]
         return native(*arguments)
 
     return call
+
+
+def _alike(arguments: tuple, known: tuple, marks: list) -> bool:
+    """Whether arguments are those that fitted, or of the same kinds: most calls are, and this is the quicker look."""
+    if len(arguments) != len(known):
+        return False
+    for argument, one, mark in zip(arguments, known, marks, strict=True):
+        if argument is not one and mark is not type(argument) and _mark(argument) != mark:
+            return False
+    return True
+
+
+def _mark(argument: object) -> object:
+    """What is the same only for arguments of the same kind; a type where that says all."""
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    if isinstance(argument, Packed):
+        return argument.fields
+    if isinstance(argument, tuple):
+        return type(argument), *map(_mark, argument)
+    return type(argument)
 
 
 def _kind(argument: object) -> object:
