@@ -47,5 +47,6 @@ def test_lerobot_finds_it_by_its_name(site, tmp_path):
     assert answer(BY_NAME, site, ROOT, cwd=tmp_path) == ["True", "True"]
 
 
+@pytest.mark.regression  # each command of `test_stock_commands.py` is told the path too
 def test_lerobot_finds_it_by_the_path_that_it_is_told(tmp_path):
     assert answer(BY_PATH, ROOT, cwd=tmp_path) == ["True", "True"]

@@ -1,6 +1,5 @@
 """An ACT of random weights with two layers of each kind, compared with LeRobot's own on its whole way."""
 
-import subprocess
 import sys
 
 import numpy as np
@@ -13,7 +12,7 @@ from lerobot.policies.act.modeling_act import ACTPolicy
 
 from policy.errors import PolicyError
 from policy.learned.act import ACTION, SHOWN, STATE, ActNetwork
-from training.export import arrays_of
+from training.export import arrays_of, main
 
 SIZES = {STATE: 29, SHOWN: 6, ACTION: 32}
 
@@ -51,13 +50,14 @@ def test_it_says_what_lerobots_says():
         assert np.abs(network.chunk(given[STATE], given[SHOWN]) - said).max() < 1e-5
 
 
-def test_a_checkpoint_is_exported_to_a_file_of_the_same_network(tmp_path):
+def test_a_checkpoint_is_exported_to_a_file_of_the_same_network(tmp_path, monkeypatch):
     policy, stats = trained()
     folder, file = tmp_path / "checkpoint", tmp_path / "act.npz"
     policy.save_pretrained(folder)
     for processor in make_pre_post_processors(policy.config, dataset_stats=stats):
         processor.save_pretrained(folder)
-    subprocess.run([sys.executable, "-m", "training.export", str(folder), str(file)], check=True)
+    monkeypatch.setattr(sys, "argv", ["training.export", str(folder), str(file)])
+    main()
     numbers = np.ones(SIZES[STATE]), np.ones(SIZES[SHOWN])
     exported, same = ActNetwork.load(file), ActNetwork(arrays_of(policy, stats))
     np.testing.assert_allclose(exported.chunk(*numbers), same.chunk(*numbers), atol=1e-6)

@@ -9,12 +9,13 @@ import pytest
 
 from models import g1
 from models.pinocchio_model import stance_q
+from tests.support.wide import wide
 from wholebody.collision.proximity import Proximity, watched_pairs
 from wholebody.errors import InputError
 from wholebody.robot.state import Robot
 
 TRIGGER = 0.05
-POSTURES = 1000
+POSTURES = (150, *wide(1000))
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +48,9 @@ def measured(proximity, robot, q):
     return np.array([result.min_distance for result in fresh.distanceResults])
 
 
-def test_the_near_pairs_are_those_of_the_full_set_on_a_thousand_postures(robot, proximity):
-    for q in postures(robot, POSTURES):
+@pytest.mark.parametrize("count", POSTURES)
+def test_the_near_pairs_are_those_of_the_full_set(robot, proximity, count):
+    for q in postures(robot, count):
         robot.update(q, np.zeros(robot.nv))
         proximity.update(q, robot.data, TRIGGER)
         near = proximity.near(TRIGGER)

@@ -7,6 +7,7 @@ import pytest
 
 from models import g1
 from policy.scripted.library import reach
+from tests.support.wide import wide
 from wholebody.control.torque_loss import COMPARE_EVERY, MOST, SHARE_MIN, TorqueLoss
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -95,8 +96,7 @@ def supervisor():
     "errors",
     [
         {"feed_forward": 0.5},
-        {"feed_forward": 1.3},
-        {"delivered": ((".*_ankle_pitch_joint", 0.5),)},
+        *wide({"feed_forward": 1.3}, {"delivered": ((".*_ankle_pitch_joint", 0.5),)}),
         {"delivered": (("waist_pitch_joint", 0.5),)},
     ],
     ids=["half the feed-forward", "too much of it", "weak ankles", "a weak waist"],

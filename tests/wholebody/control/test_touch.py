@@ -1,7 +1,7 @@
 """Strategy: robots in MuJoCo push against furniture; what they feel is held against MuJoCo's own contact forces.
 
-The studies (`python -m tests.studies.touch`) have the many cases; here are one a direction, and what must hold by
-itself: the formula of the force that tips, an estimate that is right, no touch in free space.
+The studies (`python -m tests.studies.touch`) have the many cases, `make regression` one a direction; here are two,
+and what must hold by itself: the formula of the force that tips, an estimate that is right, no touch in free space.
 """
 
 from dataclasses import replace
@@ -16,6 +16,7 @@ from policy.scripted.contact import touch, wipe
 from policy.scripted.library import lissajous, scripted_policy
 from policy.scripted.policy import stance_pose, to_chunk
 from tests.support.felt import Run, robot_in
+from tests.support.wide import wide
 from wholebody.config import ControllerConfig
 from wholebody.control.asked_forces import STIFFEST
 from wholebody.control.touch import GRAVITY
@@ -35,7 +36,7 @@ def supervisor():
     return found
 
 
-@pytest.mark.parametrize("direction", ["down", "ahead", "side", "up"])
+@pytest.mark.parametrize("direction", ["down", "ahead", *wide("side", "up")])
 def test_hands_that_are_sent_into_furniture_push_within_their_limit_and_come_back(direction):
     """They fell, but for 5 mm: nothing bounded the force, and a touch was `off_plan`."""
     scenes = {"down": "table", "ahead": "wall", "side": "corridor", "up": "shelf"}
@@ -105,7 +106,7 @@ def test_the_force_that_tips_puts_the_centre_of_pressure_at_the_edge(supervisor)
         assert room.min() == pytest.approx(0.0, abs=1e-9) or np.linalg.norm(f) == pytest.approx(weight)
 
 
-@pytest.mark.parametrize("seed", [None, 2])
+@pytest.mark.parametrize("seed", [*wide(None), 2])
 def test_nothing_is_touched_in_free_space(seed):
     """Realistic arms have friction and masses that the model lacks."""
     supervisor, policy, touched = Supervisor(SPEC), lissajous(scored=2.0), []
@@ -195,6 +196,7 @@ def test_a_chunk_may_lower_the_limits_of_a_hand_and_not_raise_them(supervisor):
     assert stiffness.tolist() == [100.0, STIFFEST]
 
 
+@pytest.mark.regression
 def test_a_box_of_2_kg_is_carried_by_two_palms_to_where_it_is_to_be():
     """It turned between the hands, which pushed with half of what their arms have."""
     run = Run(scripted_policy("lift_box"), "table_crate")

@@ -18,6 +18,7 @@ from policy.joints import joints_of, layout_robot
 from policy.recorded.example import example_file
 from policy.scripted.library import scripted_policy
 from tests.support.robots import gripper_robot
+from tests.support.wide import wide
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.config.robot import RobotConfig
@@ -40,7 +41,7 @@ REACHED = 2e-3
 """Bar of reaching a pose that is within reach [m]."""
 
 
-@pytest.fixture(scope="module", params=ROBOTS_TESTED)
+@pytest.fixture(scope="module", params=[*wide("27dof"), "23dof", "gripper"])
 def config(request):
     with pytest.MonkeyPatch.context() as patched:
         patched.setitem(ROBOTS, "gripper_robot", gripper_robot)

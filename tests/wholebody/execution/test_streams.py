@@ -5,6 +5,7 @@ import pytest
 from models import g1
 from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
 from tests.support.one_step_targets import follow, hostile_targets, led_away
+from tests.support.wide import wide
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
@@ -27,7 +28,7 @@ def test_a_stream_of_hostile_and_calm_chunks_late_lost_and_doubled_leaves_the_ro
     assert min(result.lost, result.late, result.doubled) > 0, str(result)
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("reach", 4.0), ("wave", 5.0), ("lissajous", 8.0)])
+@pytest.mark.parametrize(("name", "seconds"), [("reach", 4.0), ("wave", 5.0), *wide(("lissajous", 8.0))])
 def test_targets_that_are_told_one_at_a_time_are_followed_within_millimetres_and_at_once(robot, name, seconds):
     """The wave was followed within 30 mm where hands waited for its plans, the lissajous within 72 along them."""
     followed = follow(*robot, name, seconds)

@@ -12,6 +12,7 @@ import pytest
 from models import g1
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.scripted.library import reach
+from tests.support.wide import wide
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
@@ -40,7 +41,7 @@ def sent_down(chunk, height, pitch, seconds):
     return replace(chunk, T_world_lhand=hands[0], T_world_rhand=hands[1])
 
 
-@pytest.mark.parametrize(("height", "pitch", "seconds"), [(0.12, 1.5, 0.4), (0.1, 1.2, 0.25)])
+@pytest.mark.parametrize(("height", "pitch", "seconds"), [*wide((0.12, 1.5, 0.4)), (0.1, 1.2, 0.25)])
 def test_hands_sent_into_the_floor_never_touch_it(robot, monkeypatch, height, pitch, seconds):
     supervisor, plant = robot
     monkeypatch.setattr("wholebody.planning.preparation.above_floor", lambda chunk, rise: (chunk, 0.0))

@@ -164,6 +164,7 @@ def test_a_plan_leads_them_apart_and_says_so(seed, begin):
     assert report.tracking_error.max() < 0.006
 
 
+@pytest.mark.regression
 def test_a_loop_that_led_one_palm_around_the_other_follows_both():
     result = run_episode(variant(7), Supervisor(SPEC), MujocoPlant(SPEC), duration=8.0)
     on_curve = (result.times >= 3.0) & (result.times < 9.0)

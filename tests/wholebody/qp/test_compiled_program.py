@@ -15,6 +15,7 @@ import pytest
 from models import g1
 from models.pinocchio_model import stance_q
 from tests.support.body_cases import standing
+from tests.support.wide import wide
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PalmReference
@@ -31,6 +32,8 @@ EXACT = 1e-10
 """Residuals of a reference answer that is fit to compare with."""
 TOLERANCE = 1e-8
 """Largest |difference| / max(1, |value|) of accelerations, torques and forces."""
+SCATTERED = ((0.2, True), (1.0, True), (2.0, True), (1.0, False))
+"""How far states are scattered, and whether hands are led."""
 ROUNDINGS = 4.0
 """Where rounding the data of the program moves its answer further than that: this many standard deviations of it."""
 
@@ -173,7 +176,11 @@ def default():
 
 
 @pytest.mark.parametrize(
-    ("size", "hands", "states"), [(0.2, True, 600), (1.0, True, 600), (2.0, True, 600), (1.0, False, 400)]
+    ("size", "hands", "states"),
+    [
+        *((size, hands, 120) for size, hands in SCATTERED),
+        *wide(*((size, hands, 600) for size, hands in SCATTERED)),
+    ],
 )
 def test_compiled_and_readable_program_have_the_same_answer(default, size, hands, states):
     controller, q_stance = default

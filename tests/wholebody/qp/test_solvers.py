@@ -11,6 +11,7 @@ from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
 from tests.support.body_cases import standing
+from tests.support.wide import wide
 from wholebody.bench.commands import bench
 from wholebody.bench.solvers import HEADINGS, SolverRow, cells, study
 from wholebody.control.controller import WholeBodyController
@@ -108,7 +109,7 @@ def test_a_multiplier_on_a_side_that_does_not_exist_is_an_error(programs):
     assert kkt_residuals(program, answer.x, answer.y, z, answer.z_box).complementarity > 1e-3
 
 
-@pytest.mark.parametrize("solver", [*SOLVERS, "compiled"])
+@pytest.mark.parametrize("solver", ["daqp", "quadprog", "compiled", *wide("proxqp", "piqp", "osqp")])
 def test_each_solver_alone_stands_and_begins_a_reach(solver):
     times = EpisodeConfig(settle=0.1, hold=0.1)
     (row,) = study(g1(), solver, [reach(0.45, 1.0)], seconds=0.5, episode=times)

@@ -16,6 +16,7 @@ from policy.recorded.chunk_file import ChunkFile
 from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import lissajous, reach, wave
 from policy.scripted.policy import minimum_jerk
+from tests.support.wide import wide
 from wholebody.episode.run import EpisodeConfig
 from wholebody.types import PalmCause, Reason
 from wholebody.verdict.check import Checker
@@ -225,7 +226,7 @@ def test_6_a_lissajous_that_is_followed_as_given_is_not_called_slowed(checker):
     assert (verdict.verdict, found, verdict.time_factor) == ("feasible", {}, pytest.approx(1.0, abs=1e-3))
 
 
-@pytest.mark.parametrize("down", [0.068, 0.07])
+@pytest.mark.parametrize("down", [*wide(0.068), 0.07])
 def test_hands_that_press_on_a_table_stand_and_the_check_without_simulation_says_so(down):
     """1.7 and 3.7 mm: the robot fell of the second, which was foretold. It pushes no harder than it may now."""
     time = np.linspace(0.0, 1.0, 90)[:, None]

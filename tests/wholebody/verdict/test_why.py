@@ -185,7 +185,8 @@ def test_what_is_found_side_by_side_is_what_is_found_one_after_the_other():
 
 
 def test_a_search_that_is_given_up_has_no_cause_and_says_so(monkeypatch):
-    monkeypatch.setattr(explainer, "SET_WORK", 0.0)
+    for work in ("SET_WORK", "CAUSES_WORK", "WHY_WORK"):
+        monkeypatch.setattr(explainer, work, 0.0)
     verdict = judge(sent(to=(0.0, -0.45, 0.0), time=1.3), ask_why=True)
     assert verdict.verdict == "infeasible"
     assert (verdict.causes, verdict.why_complete, verdict.search_finds) == ([], False, False)

@@ -9,6 +9,7 @@ from math import exp
 import numpy as np
 import pytest
 
+from tests.support.wide import wide
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.walking.footsteps import LEFT, RIGHT, beside, closed
 from wholebody.walking.gait import TABLE, Phase
@@ -89,9 +90,10 @@ def test_it_walks_as_fast_as_it_is_told(velocity):
     assert abs(one.walk.guide.place.point - one.dcm) < 0.25
 
 
-def test_it_stops_from_any_command_at_any_phase():
+@pytest.mark.parametrize("draws", [8, *wide(40)])
+def test_it_stops_from_any_command_at_any_phase(draws):
     rng, steps = np.random.default_rng(5), []
-    for _ in range(40):
+    for _ in range(draws):
         one = Pendulum()
         velocity = Velocity(complex(rng.uniform(-0.2, 0.4), rng.uniform(-0.12, 0.12)), rng.uniform(-0.4, 0.4))
         one.walk.guide.follow(velocity)
@@ -105,9 +107,10 @@ def test_it_stops_from_any_command_at_any_phase():
     assert max(steps) <= 5
 
 
-def test_it_goes_to_a_place_and_closes_its_feet_there():
+@pytest.mark.parametrize("draws", [3, *wide(10)])
+def test_it_goes_to_a_place_and_closes_its_feet_there(draws):
     rng = np.random.default_rng(6)
-    for _ in range(10):
+    for _ in range(draws):
         one, goal = Pendulum(), Place(complex(*rng.uniform(-0.6, 0.8, 2)), rng.uniform(-1.0, 1.0))
         one.walk.guide.go_to(goal)
         one.run(25.0)

@@ -10,6 +10,7 @@ import pytest
 from policy.action_spec.slot_values import NOT_FOLLOWED
 from tests.support.hostile_walks import hostile_walk
 from tests.support.walked_chunks import LAYOUTS, SPEC, Walks
+from tests.support.wide import wide
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import observe
 from wholebody.execution.feet.led import notes
@@ -22,7 +23,7 @@ def supervisor():
     return Supervisor(SPEC, ControllerConfig(steps="reach"))
 
 
-@pytest.mark.parametrize("seed", [0, 10, 20])
+@pytest.mark.parametrize("seed", [*wide(0), 10, 20])
 def test_hostile_hands_do_not_make_a_robot_fall_that_they_lead(supervisor, seed):
     one = hostile_walk(supervisor, MujocoPlant(SPEC), seed, until=3.6)
     assert one.fall is None, str(one)

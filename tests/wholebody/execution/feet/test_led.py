@@ -12,6 +12,7 @@ import pytest
 from policy.action_spec.anchor import Anchor
 from policy.remote.wire import chunk_from_map, chunk_to_map
 from tests.support.walked_chunks import LAYOUTS, ROOM, SPEC, Walks
+from tests.support.wide import wide
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.feet import led, wanted
@@ -45,8 +46,7 @@ def run(policy, supervisor, plant, duration):
     [
         ("wbc27", (0.25, 0.0, 0.0)),
         ("gr00t_g1", (0.0, 0.12, 0.3)),
-        ("openhlm34", (0.0, 0.0, 0.4)),
-        ("in_the_room", (-0.08, 0.0, 0.0)),
+        *wide(("openhlm34", (0.0, 0.0, 0.4)), ("in_the_room", (-0.08, 0.0, 0.0))),
     ],
 )
 def test_a_base_velocity_is_walked_with_hands_in_the_frame_of_the_layout(supervisor, plant, layout, velocity):
