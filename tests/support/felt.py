@@ -139,7 +139,7 @@ class Run:
 
     def __init__(
         self, policy: ScriptedPolicy, scene: str, *, seed: int | None = None, phase: float = 0.0, hold: float = 2.0,
-        pull: tuple | None = None, bump: tuple | None = None,
+        duration: float | None = None, pull: tuple | None = None, bump: tuple | None = None,
         loads: Sequence[tuple[float, tuple[float, float]]] = (),
     ) -> None:  # fmt: skip
         supervisor, found = supervisor_of()
@@ -150,7 +150,9 @@ class Run:
             # `run_episode` resets the plant, which forgets its pushes.
             reset = plant.reset
             plant.reset = lambda *begin: (reset(*begin), plant.push(*bump[:2], start=bump[2], duration=BUMP_TIME))[0]
-        self.result = run_episode(policy, supervisor, plant, duration=policy.duration, config=config, sensors=sensors)
+        self.result = run_episode(
+            policy, supervisor, plant, duration=duration or policy.duration, config=config, sensors=sensors
+        )
         felt = self.felt
         self.times, self.forces, self.palms = felt.column(0), felt.column(1), felt.column(2)
         self.sizes = np.linalg.norm(self.forces, axis=2)

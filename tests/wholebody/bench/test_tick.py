@@ -1,5 +1,6 @@
 """Strategy: a short run of each row: nobody fails, wrists follow, limits hold; times are only looked at for shape."""
 
+from functools import cache
 from mmap import mmap
 
 import numpy as np
@@ -9,8 +10,6 @@ from models import g1
 from wholebody.bench.reach_script import ReachScript
 from wholebody.bench.slow_ticks import SlowTicks
 from wholebody.bench.tick import CONFIGURATIONS, TIMED, VARIANTS, _worst_repeated, bench_tick
-
-pytestmark = pytest.mark.alone
 
 
 @pytest.mark.parametrize("row", CONFIGURATIONS)
@@ -24,9 +23,15 @@ def test_a_short_run_follows_the_script_and_keeps_the_limits(row):
         assert 0.0 < times["p50"] <= times["p99"] <= times["max"]
 
 
+@cache
+def measured(variant):
+    """Of the default configuration."""
+    return bench_tick("default", 2700, variant=variant)
+
+
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if name != "none"])
 def test_harder_variants_bind_more_limits_and_are_solved_too(variant):
-    plain, hard = bench_tick("default", 2700), bench_tick("default", 2700, variant=variant)
+    plain, hard = measured("none"), measured(variant)
     assert hard["fails"] == 0
     assert hard["max_q_over"] <= 2e-5
     assert hard["active_max"] > plain["active_max"]
@@ -49,6 +54,7 @@ def test_the_targets_of_the_script_move_as_their_twists_say():
             np.testing.assert_allclose(b.twist[:3], speed, atol=1e-9)
 
 
+@pytest.mark.alone
 def test_slow_ticks_are_listed_with_what_the_kernel_counted():
     watch, pages = SlowTicks(), mmap(-1, 1 << 24)
     for k in range(300):

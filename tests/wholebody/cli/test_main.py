@@ -172,7 +172,7 @@ def test_misuse_is_told_before_anything_is_simulated(inside, tmp_path, monkeypat
 
 def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(inside, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "c.yaml").write_text("solver: quadprog\n")
+    (tmp_path / "c.yaml").write_text("verdict:\n  palm_repair: 0.06\n")
     options = ("--record", "run.npz", "--sheet", "run.png", "--config", "c.yaml", "--json", "run.json")
     more = ("--sensors", "realistic", "--delay-ms", "4", "--payload-kg", "0.5", "0.5")
     answer = inside("run", "wave", *SHORT, *options, *more)
@@ -180,7 +180,7 @@ def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(inside, tmp_pa
     with np.load(tmp_path / "run.npz", allow_pickle=False) as data:
         assert len(data["time"]) == round(1.4 / 0.002)
     (verdict,) = json.loads((tmp_path / "run.json").read_text())
-    assert verdict["config"]["solver"] == "quadprog"
+    assert verdict["config"]["verdict"]["palm_repair"] == 0.06
     assert (tmp_path / "run.png").exists() or "libegl1" in answer.stderr
 
 

@@ -96,8 +96,11 @@ def supervisor():
     "errors",
     [
         {"feed_forward": 0.5},
-        *wide({"feed_forward": 1.3}, {"delivered": ((".*_ankle_pitch_joint", 0.5),)}),
-        {"delivered": (("waist_pitch_joint", 0.5),)},
+        *wide(
+            {"feed_forward": 1.3},
+            {"delivered": ((".*_ankle_pitch_joint", 0.5),)},
+            {"delivered": (("waist_pitch_joint", 0.5),)},
+        ),
     ],
     ids=["half the feed-forward", "too much of it", "weak ankles", "a weak waist"],
 )

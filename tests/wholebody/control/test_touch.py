@@ -51,9 +51,11 @@ def test_hands_that_are_sent_into_furniture_push_within_their_limit_and_come_bac
     assert run.told()["off_plan_s"] == 0.0
 
 
-def test_a_hand_that_is_sent_far_into_a_wall_stays_where_it_met_it():
+@pytest.mark.parametrize("duration", [11.7, *wide(None)], ids=["in", "and out"])
+def test_a_hand_that_is_sent_far_into_a_wall_stays_where_it_met_it(duration):
     """Plans kept it out along its push with friction, and made more friction by that: it wandered off, and fell."""
-    run = Run(touch(direction="ahead", hands="right", speed=0.071, depth=0.19, along=(0.016, 0.133), fist=True), "wall")
+    way = touch(direction="ahead", hands="right", speed=0.071, depth=0.19, along=(0.016, 0.133), fist=True)
+    run = Run(way, "wall", hold=0.0 if duration else 2.0, duration=duration)
     assert run.result.fall is None
     assert run.sizes.max() <= 1.1 * ControllerConfig().touch.force_max
     met = run.palms[np.argmax(run.sizes[:, 1] > 10.0), 1]

@@ -178,7 +178,7 @@ def default():
 @pytest.mark.parametrize(
     ("size", "hands", "states"),
     [
-        *((size, hands, 120) for size, hands in SCATTERED),
+        *((size, hands, 200) for size, hands in SCATTERED),
         *wide(*((size, hands, 600) for size, hands in SCATTERED)),
     ],
 )
