@@ -75,7 +75,14 @@ def module_name(path, root):
 @cache
 def import_statements(source):
     """The import statements of a source, read once however many questions are asked about it."""
-    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    found, waiting = [], [ast.parse(source)]
+    while waiting:
+        for node in ast.iter_child_nodes(waiting.pop()):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                found.append(node)
+            elif not isinstance(node, ast.expr):  # which has no statements in it
+                waiting.append(node)
+    return found
 
 
 def imports_of(path, root):
