@@ -41,6 +41,7 @@ class Controller(ABC):
         swings: Whether a foot that is up follows a swing that the reference has.
         touch: What both hands feel, rows as in `wholebody.robot.touch`, shape (2, TOUCH).
         lean: How far the centre of mass is leant against it, shape (2,), [m].
+        braced: How many times more the place of the centre of mass weighs then, shape (1,).
         tipped: How far it moves the centre of pressure, shape (2,), [m].
         tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
         command: What the last tick sent; None after a reset.
@@ -63,13 +64,14 @@ class Controller(ABC):
         self.added: np.ndarray | None = None
         self.factor: np.ndarray | None = None
         self._share = TorqueShare(spec, config.robot.torque) if config.robot.torque < 1.0 else None
-        self.touch, self.lean, self.tipped = np.zeros((2, TOUCH)), np.zeros(2), np.zeros(2)
+        self.touch, self.lean, self.tipped, self.braced = np.zeros((2, TOUCH)), *np.zeros((2, 2)), np.zeros(1)
 
     def bind_references(self) -> None:
         """Tasks read their references where the program does."""
         compiled = self.compiled
         if compiled is not None:
-            self.touch, self.lean, self.tipped = compiled.tick.touch, compiled.tick.lean, compiled.tick.tipped
+            tick = compiled.tick
+            self.touch, self.lean, self.tipped, self.braced = tick.touch, tick.lean, tick.tipped, tick.braced
         row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
         trust = np.ones(2) if compiled is None else compiled.trust
         memory = self._reference = ReferenceMemory(row)
@@ -79,7 +81,7 @@ class Controller(ABC):
             foot.bind(row_of_foot)
         for i, palm in enumerate(self.palms):
             palm.bind(memory.palms[i], trust[i : i + 1], self.touch[i])
-        self.tasks.com.bind(memory.com, self.lean)
+        self.tasks.com.bind(memory.com, self.lean, self.braced)
         self.balance.tipped = self.tipped
         for name in ("momentum", "pelvis", "torso", "height", "posture"):
             getattr(self.tasks, name).bind(getattr(memory, name))

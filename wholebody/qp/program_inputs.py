@@ -108,7 +108,7 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[Shapes, Shapes]:
         "torso_gain": (4,), "height_gain": (4,), "posture_kp": (nj,), "posture_kd": (nj,), "posture_weight": (nj,),
         "posture_feedback_max": (), "balance_margin": (), "balance_gain": (), "tolerance": (), "primal_accepted": (),
         "dual_accepted": (), "dt": (), "q": (model.nq,), "v": (nv,), "trust": (2,), "touch": (2, TOUCH), "lean": (2,),
-        "tipped": (2,), "foot_ref": (feet, 24), "foot_kp_up": (), "foot_kd_up": (), "foot_weight": (2,),
+        "tipped": (2,), "braced": (1,), "foot_ref": (feet, 24), "foot_kp_up": (), "foot_kd_up": (), "foot_weight": (2,),
         "foot_feedback_max": (2,), "hand_ref": (2, 24),
         "com_ref": (15,), "pelvis_ref": (15,), "torso_ref": (15,), "height_ref": (3,), "posture_ref": (3, nj),
         "R": (nb, 3, 3), "p": (nb, 3), "S": (nv, 6), "force": (nb, 6), "sums": (22,),

@@ -15,8 +15,8 @@ TURN_TOUCHING = 20.0
 """Largest proportional angular acceleration of a hand that touches [rad/s^2]; chosen: a third of a free hand's, so that
 a palm lies down on what it meets."""
 LEAN_MAX = 0.04
-"""Farthest that the centre of mass is leant against a force [m]; chosen: if the force is gone at once it is still half
-of the way from the edge of the soles."""
+"""Distance by which the centre of mass can be leant against any force [m]; derived: half of the way from the middle of
+a sole to its edge."""
 TORQUE_SHARE, TOLD_SHARE = 0.85, 0.9
 """Share of a joint's torque that a push may use, with what the arm's weight takes, and share of the force that tips
 with which a hand pushes that is told to [no unit]; chosen: the rest turns the hand, and holds the balance."""

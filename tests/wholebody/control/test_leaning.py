@@ -6,7 +6,7 @@ import pytest
 from models import g1
 from policy.scripted.waypoints import Waypoint, waypoint_policy
 from tests.support.felt import Run, still_force
-from wholebody.control.leaning import Leaning
+from wholebody.control.leaning import BRACED, Leaning
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.touch import FORCE, LEAN_MAX, SHARE, TOUCH
 from wholebody.sim.plant import MujocoPlant
@@ -37,17 +37,46 @@ def lean(controller, force, told=(0.0, 0.0, 0.0)):
     return found
 
 
-def test_the_body_leans_against_a_force_twice_as_far_as_it_is_to_while_it_does_not(controller):
-    told, tipped = lean(controller, 30.0 * AHEAD)
-    assert tipped[0] > LEAN_MAX
-    np.testing.assert_allclose(told, [-2.0 * LEAN_MAX, 0.0], atol=0.1 * LEAN_MAX)
+def room(controller, direction):
+    """Distance of the centre of mass from the edge of the support along an axis [m]."""
+    support = controller.support
+    edge = int((support.normals @ direction).argmax())
+    return float(support.offsets[edge] - support.normals[edge] @ controller.robot.com[:2])
 
 
-def test_the_body_leans_away_from_the_edge_that_a_force_brings_near(controller):
-    """Feet are further apart than soles are long: a lean aside is of less use."""
-    (x, y), tipped = lean(controller, np.array([30.0, 30.0, 0.0]))
+def test_the_body_leans_half_of_the_way_to_the_other_edge_and_is_told_twice_of_it_while_it_does_not(controller):
+    told, tipped = lean(controller, 35.0 * AHEAD)
+    assert tipped[0] > room(controller, AHEAD[:2])
+    half = 0.5 * room(controller, -AHEAD[:2])
+    np.testing.assert_allclose(told, [-2.0 * half, 0.0], atol=0.05 * half)
+    assert half >= LEAN_MAX
+
+
+def test_the_body_leans_most_where_a_force_brings_an_edge_near(controller):
+    """Feet are further apart than soles are long: a little force aside is nothing to lean against."""
+    (x, y), tipped = lean(controller, np.array([10.0, 10.0, 0.0]))
     assert tipped[1] == pytest.approx(tipped[0], rel=0.2)
-    assert x < 2.0 * y < 0.0
+    assert x < 1.5 * y < 0.0
+
+
+def test_the_body_leans_aside_too_where_a_force_takes_a_foot_its_load(controller):
+    """One sole alone did not hold what turns the robot: at 46 N, 45 degrees back and aside, it fell."""
+    (x, y), _ = lean(controller, np.array([-30.0, 30.0, 0.0]))
+    assert y < -0.9 * x < 0.0
+
+
+def test_a_force_that_brings_an_edge_near_braces_the_centre_of_mass(controller):
+    braced = []
+    for size in (10.0, 35.0):
+        leaning, rows = Leaning(controller), np.zeros((2, TOUCH))
+        rows[0, FORCE : FORCE + 3], rows[0, SHARE] = size * AHEAD, 1.0
+        for _ in range(50):
+            leaning.advance(rows, np.zeros((2, 3)), controller.robot.com[:2].copy(), 0.02)
+        braced.append(float(controller.braced[0]))
+        leaning.reset()
+    assert braced[1] == BRACED
+    assert 0.2 * BRACED < braced[0] < 0.5 * BRACED
+    assert not controller.braced.any()
 
 
 def test_before_a_force_is_felt_that_is_told_the_body_leans_half_of_the_way(controller):

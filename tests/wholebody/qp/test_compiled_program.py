@@ -76,6 +76,7 @@ def touch(controller, rng, size):
         wrench = min(size, 1.0) * np.concatenate([rng.normal(scale=10.0, size=3), rng.normal(size=3)])
         row[:] = [rng.uniform() * rng.integers(2), *wrench, rng.uniform(0.0, 30.0), 300.0, 0.5, *told]
     controller.lean[:], controller.tipped[:] = 0.02 * rng.normal(size=(2, 2))
+    controller.braced[:] = rng.uniform(0.0, 9.0)
 
 
 def solved(controller, q, v, reference, hands=True):
@@ -219,7 +220,7 @@ def test_a_robot_whose_hands_touch_has_the_same_answer_too():
         touch(controller, rng, 0.5)
         found = solved(controller, q, v, reference)
         expected, spread, _ = readable(controller, True)
-        controller.touch[:], controller.lean[:], controller.tipped[:] = 0.0, 0.0, 0.0
+        controller.touch[:], controller.lean[:], controller.tipped[:], controller.braced[:] = 0.0, 0.0, 0.0, 0.0
         assert found.ok
         without += np.allclose(plain, found.x)
         if expected.residuals.within(EXACT, EXACT):

@@ -132,7 +132,7 @@ def whole_body_target(tick: Packed) -> None:
     shorten(feedback, 0, tick.com_feedback_max)
     for k in range(3):
         target[k] = ref[6 + k] + kd * (ref[3 + k] - sums[COM_V + k]) + feedback[k] - sums[COM_DRIFT + k]
-        weight[k] = size[k]
+        weight[k] = size[k] * (1.0 + tick.braced[0]) if k < 2 else size[k]
         target[3 + k] = ref[12 + k] + damping * (ref[9 + k] - sums[MOMENTUM + k]) - sums[MOMENTUM_DRIFT + k]
         weight[3 + k] = momentum_weight
 
