@@ -102,19 +102,35 @@ def test_a_pull_beyond_what_statics_allow_is_stood_and_let_go_of():
     assert run.errors[-1].max() < 0.005
 
 
-def test_a_pull_along_an_arm_that_it_does_not_feel_is_leant_against():
-    """Found from the floor: the centre of pressure went to the edge of the soles, nobody knew, and it fell at 1.05."""
+def pulled_ahead(direction):
+    """A hand far ahead, pulled along a direction by 1.15 times what statics allow, and that force [N]."""
     left, allowed, pulled = np.array([0.42, 0.18, 1.05]), [], (2.5, 6.0, 7.5)
     policy = waypoint_policy("ahead", [Waypoint(1.5, left, left * [1.0, -1.0, 1.0]), Waypoint(9.0)])
 
     def force(time, q):
         if not allowed and time >= pulled[0]:
-            allowed.append(still_force(q, "left", AHEAD, 0.8))
-        return AHEAD * 1.15 * np.interp(time, pulled, (0.0, *allowed, *allowed), right=0.0) if allowed else np.zeros(3)
+            allowed.append(still_force(q, "left", direction, 0.8))
+        size = 1.15 * np.interp(time, pulled, (0.0, *allowed, *allowed), right=0.0) if allowed else 0.0
+        return direction * size
 
-    run = Run(policy, "floor", pull=("left", force), hold=0.5)
-    assert allowed[0] > 20.0
+    return Run(policy, "floor", pull=("left", force), hold=0.5), allowed[0]
+
+
+def test_a_pull_along_an_arm_that_it_does_not_feel_is_leant_against():
+    """Found from the floor: the centre of pressure went to the edge of the soles, nobody knew, and it fell at 1.05."""
+    run, allowed = pulled_ahead(AHEAD)
+    assert allowed > 20.0
     assert run.result.fall is None
     assert run.errors[(run.times > 2.5) & (run.times < 7.5)].max() < 0.06
     assert run.errors[-1].max() < 0.005
     assert run.result.reasons["touching"] > 1.0
+
+
+@pytest.mark.parametrize("direction", [(1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)], ids=["ahead", "back"])
+def test_a_pull_aside_at_a_hand_far_ahead_is_stood_and_let_go_of(direction):
+    """Ahead, a hand that yielded at its arm's end took the body along; back, a foot without load slid round."""
+    run, allowed = pulled_ahead(np.array(direction) / np.sqrt(2.0))
+    assert allowed > 30.0
+    assert run.result.fall is None
+    assert run.errors[(run.times > 2.5) & (run.times < 7.5)].max() < 0.2
+    assert run.errors[-1].max() < 0.005
