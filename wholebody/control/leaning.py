@@ -31,9 +31,9 @@ LEAN_SHARE = 0.5
 """Share of the way to the edge of the support on the other side that the centre of mass is leant at most [no unit];
 chosen: if the force is gone at once the body is still far enough from it."""
 BRACED = 9.0
-"""How many times more its place weighs where a force takes the centre of pressure to the edge [no unit]; measured: with
-the weight of a hand's alone, hands and waist held back half of the lean, and pulls at 1.15 times what statics allow took
-the robot down (`tests.studies.touch pulls --first 26 --cases 2`)."""
+"""How many times more its place weighs where a force takes the centre of pressure to the edge [no unit]; measured: as
+light as a hand, it was held half of the way back by hands and waist, and pulls of 1.15 times what statics allow took a
+robot down (`tests.studies.touch pulls --first 26 --cases 3`)."""
 WAIST_MAX, WAIST_ROOM = 0.95, 0.2
 """Share of its torque that the waist uses from which the body leans no further against that, and over how much of it it
 comes to this [no unit]; derived: the share that motors are asked for, and chosen: a lean of 40 mm takes as much."""
@@ -116,10 +116,11 @@ class Leaning:
         self._lean(self._wanted(planned), com[:2] - planned, elapsed)
 
     def _wanted(self, planned: np.ndarray) -> np.ndarray:
-        """How far the centre of mass is to lean, shape (2,), [m]: away from the edge that the force brings nearest, and
-        along that edge, by a share of how far it moves the centre of pressure that is the share of the way to the edge.
+        """How far the centre of mass is to lean, shape (2,), [m]: against the force, most where it brings an edge near.
 
-        So a foot does not lose all of its load: what is drawn aside also turns, and one sole alone does not hold that.
+        Away from the edge that the force brings nearest, and along that edge, by a share of how far it moves the centre
+        of pressure that is the share of the way to the edge. So a foot does not lose all of its load: what is drawn
+        aside also turns, and one sole alone does not hold that.
         """
         support, rest, away, braced = self._controller.support, self._moved.copy(), np.zeros(2), 0.0
         room = np.maximum(support.offsets - support.normals @ planned, ROOM_MIN)
