@@ -25,6 +25,7 @@ from wholebody.robot.touch import (
     STIFFNESS,
     TOLD_SHARE,
     arm_force,
+    stretched,
     tipping_share,
 )
 from wholebody.types import Reason, RobotState, Status, StatusReport
@@ -48,10 +49,6 @@ back; chosen: friction that is taken for a touch feigns no more."""
 PULLED, PULLED_END = 0.06, 0.12
 """Distance against its push, from where it began to touch, from which a hand that is led away resists more than it may
 push, and at which it yields no more [m]; chosen: further away its arm ends, and the body would go along."""
-STRETCHED, STRETCHED_END = 0.95, 0.975
-"""Distance of a palm from its shoulder, a share of the way along upper arm and forearm, from which a hand that is drawn
-outwards resists so, and at which it yields no more [no unit]; measured: at 0.97 a hand that yielded took the body
-along, and it fell."""
 SLIDES = 0.7
 """Cosine of the angle between a push and the motion below which a palm slides [no unit]; chosen: friction of 1 is at
 0.71, and one that runs into something goes along its push."""
@@ -268,20 +265,12 @@ class Touch:
         most = min(self.asked.limits[hand], share * tips, UNTOLD_SHARE * spends)
         if told > 0.0:
             most = max(most, min(1.5 * told * config.mass, self.asked.limits[hand], TOLD_SHARE * tips, spends))
-        felt = self._rows[hand, FORCE:MOMENT]
+        felt, tick, (shoulder, elbow) = self._rows[hand, FORCE:MOMENT], self._controller.compiled.tick, self._ends[hand]
+        ends = stretched(tick.p[shoulder], tick.p[elbow], tick.frame_p[PALM_FRAME + hand], felt)
         led = (self._into[hand].dot(self._met[hand] - palms[hand]) - PULLED) / (PULLED_END - PULLED)
-        share = min(max(led, self._ends_at(hand, felt), 0.0), 1.0)
+        share = min(max(led, ends, 0.0), 1.0)
         most += share * max(sqrt(felt.dot(felt)) - most, 0.0)
         self._rows[hand, PUSH_MAX] = most / config.mass
-
-    def _ends_at(self, hand: int, force: np.ndarray) -> float:
-        """How near an arm is to its end along a force on its palm, 1 where it can give no more."""
-        tick, (shoulder, elbow) = self._controller.compiled.tick, self._ends[hand]
-        palm, shoulder, elbow = tick.frame_p[PALM_FRAME + hand], tick.p[shoulder], tick.p[elbow]
-        arm = palm - shoulder
-        length, upper, lower = (sqrt(part.dot(part)) for part in (arm, elbow - shoulder, palm - elbow))
-        stretched = (length / (upper + lower) - STRETCHED) / (STRETCHED_END - STRETCHED)
-        return stretched if arm.dot(force) > 0.0 else 0.0
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
         """Force on a palm at which the centre of pressure would be at the edge of the support [N].

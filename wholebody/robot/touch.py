@@ -17,6 +17,10 @@ a palm lies down on what it meets."""
 LEAN_MAX = 0.04
 """Distance by which the centre of mass can be leant against any force [m]; derived: half of the way from the middle of
 a sole to its edge."""
+STRETCHED, STRETCHED_END = 0.95, 0.975
+"""Distance of a palm from its shoulder, a share of the way along upper arm and forearm, from which a hand that is drawn
+outwards resists more than it may push, and at which it yields no more [no unit]; measured: at 0.97 a hand that yielded
+took the body along, and it fell."""
 TORQUE_SHARE, TOLD_SHARE = 0.85, 0.9
 """Share of a joint's torque that a push may use, with what the arm's weight takes, and share of the force that tips
 with which a hand pushes that is told to [no unit]; chosen: the rest turns the hand, and holds the balance."""
@@ -57,3 +61,19 @@ def arm_force(lever: np.ndarray, spent: np.ndarray, torques: np.ndarray) -> floa
     """
     left = np.maximum(TORQUE_SHARE * torques - np.sign(lever) * spent, 0.0)
     return float(np.min(left / np.maximum(np.abs(lever), 1e-6)))
+
+
+def stretched(shoulder: np.ndarray, elbow: np.ndarray, palm: np.ndarray, force: np.ndarray) -> float:
+    """How near an arm is to its end along a force (3,) on its palm: from 1 on it gives no more, up to 0 all of it.
+
+    Args:
+        shoulder: Where, shape (3,), [m].
+        elbow: Likewise.
+        palm: Likewise.
+        force: On the palm, of which the direction counts.
+    """
+    arm = palm - shoulder
+    if arm @ force <= 0.0:
+        return 0.0
+    way = np.linalg.norm(elbow - shoulder) + np.linalg.norm(palm - elbow)
+    return float((np.linalg.norm(arm) / way - STRETCHED) / (STRETCHED_END - STRETCHED))

@@ -22,7 +22,7 @@ from wholebody.control.asked_forces import STIFFEST
 from wholebody.control.touch import GRAVITY
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.robot.touch import STIFFNESS
+from wholebody.robot.touch import STIFFNESS, stretched
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason, Status
 
@@ -166,6 +166,15 @@ def standing():
     found, state = Supervisor(SPEC), MujocoPlant(SPEC).state()
     found.reset(state)
     return found, state
+
+
+@pytest.mark.parametrize(("palm", "ends"), [((0.5, 0.0, 0.0), 2.0), ((0.4, 0.0, 0.0), -6.0), ((0.47, 0.0, 0.0), -0.4)])
+def test_an_arm_ends_where_it_is_nearly_straight_along_what_draws_it(palm, ends):
+    shoulder, palm = np.zeros(3), np.array(palm)
+    aside = np.sqrt(max(0.25**2 - (0.5 * palm[0]) ** 2, 0.0))
+    elbow = np.array([0.5 * palm[0], aside, 0.0])
+    assert stretched(shoulder, elbow, palm, palm) == pytest.approx(ends)
+    assert stretched(shoulder, elbow, palm, -palm) == 0.0
 
 
 def test_the_force_that_an_arm_has_is_the_same_while_it_pushes(supervisor):
