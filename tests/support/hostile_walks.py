@@ -13,7 +13,7 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import quaternion_to_matrix
 from policy.scripted.policy import stance_pose
 from tests.support import hostile_chunks
-from wholebody.execution.feet.hands_of_walks import ACROSS, BEHIND, BESIDE, STRETCHED
+from wholebody.execution.feet.hands_of_walks import ASIDE, BEHIND, BESIDE, STRETCHED
 from wholebody.execution.states import State
 from wholebody.sim.fall import detect_fall
 
@@ -71,10 +71,10 @@ def wrist_at_edge(rng, edge):
             way[2] = 3.0 * abs(way[2]) * (1.0 if edge == "high" else -1.0)
         p = SHOULDER + far * (1.0 - JUST * rng.uniform(0.05, 1.0)) * way / np.linalg.norm(way)
         if edge == "near":
-            p[1] = rng.uniform(-ACROSS, 0.05)
+            p[1] = ASIDE + rng.uniform(0.0, 0.07)
         if edge == "behind":
             p[0] = -BEHIND * (1.0 - JUST * rng.uniform(0.05, 1.0))
-        apart = np.linalg.norm(p[:2]) > 1.05 * BESIDE and p[1] > -0.95 * ACROSS and p[0] > -0.995 * BEHIND
+        apart = np.linalg.norm(p[:2]) > 1.05 * BESIDE and p[1] > ASIDE + 0.001 and p[0] > -0.995 * BEHIND
         if apart and np.linalg.norm(p - SHOULDER) < 0.995 * far:
             return p
 

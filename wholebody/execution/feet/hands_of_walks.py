@@ -10,12 +10,15 @@ from policy.geometry.rotations import angle_between
 from wholebody.reference import HandLimits
 from wholebody.robot.state import Robot
 
-STRETCHED = 0.92
-"""Share of an arm's length up to which a wrist may be from its shoulder [no unit]; chosen: beyond, the trunk has to
-help, and that moves the body off its steps."""
-BEHIND, ACROSS, BESIDE = 0.1, 0.02, 0.12
-"""How far behind its shoulder and beyond the body's middle a wrist may be, and how near to the body's axis [m]; chosen:
-further, hands and trunk come into each other's way."""
+STRETCHED, HELD = 0.8, 0.92
+"""Share of an arm's length up to which a wrist may be from its shoulder that a chunk leads, and that is held where it
+is [no unit]; measured: up to 0.92, straight down or up, 2 of 2 walks back fell, and none of them up to 0.8."""
+BEHIND, BESIDE = 0.1, 0.12
+"""How far behind its shoulder a wrist may be, and how near to the body's axis [m]; chosen: beyond, hands and trunk come
+into each other's way."""
+ASIDE = 0.05
+"""Least distance of a wrist from the body's middle, on its own side [m]; measured: where both were allowed 0.02 m
+beyond it, hands came into each other's way and 1 walk of 2 fell, of 5 none that are as far."""
 
 
 class HandsOfWalks:
@@ -55,19 +58,20 @@ class HandsOfWalks:
                 return f"the {side} hand moves at up to {speed:.1f} m/s and {turn:.1f} rad/s"
         return None
 
-    def why_not_there(self, points: np.ndarray, T_pelvis: np.ndarray) -> str | None:
+    def why_not_there(self, points: np.ndarray, T_pelvis: np.ndarray, most: float = STRETCHED) -> str | None:
         """Why a walk cannot have its wrists at points (2, n, 3) [m], in words; None where it can.
 
         Args:
             points: Of the left and the right wrist, among the poses that the pelvis' is one of.
             T_pelvis: Pose of the upright robot's pelvis, shape (4, 4).
+            most: Share of an arm's length up to which they may be from their shoulders.
         """
         for i, (side, outwards) in enumerate((("left", 1.0), ("right", -1.0))):
             p = (points[i] - T_pelvis[:3, 3]) @ T_pelvis[:3, :3]
             away = np.linalg.norm(p - self._shoulders[i], axis=1).max() / self._lengths[i]
             near = np.linalg.norm(p[:, :2], axis=1).min()
-            if away > STRETCHED:
-                return f"the {side} hand is {away:.2f} arm lengths from its shoulder, {STRETCHED:g} are walked with"
-            if (outwards * p[:, 1]).min() < -ACROSS or near < BESIDE or p[:, 0].min() < self._shoulders[i, 0] - BEHIND:
-                return f"the {side} hand is behind the body, across or inside it"
+            if away > most:
+                return f"the {side} hand is {away:.2f} arm lengths from its shoulder, {most:g} are walked with"
+            if (outwards * p[:, 1]).min() < ASIDE or near < BESIDE or p[:, 0].min() < self._shoulders[i, 0] - BEHIND:
+                return f"the {side} hand is behind the body, inside it or near its middle"
         return None

@@ -7,7 +7,7 @@ from math import asin
 import numpy as np
 import pinocchio as pin
 
-from wholebody.execution.feet.hands_of_walks import HandsOfWalks
+from wholebody.execution.feet.hands_of_walks import HELD, HandsOfWalks
 from wholebody.robot.state import Robot
 
 UPRIGHT = 0.6
@@ -53,4 +53,4 @@ class ReadyToWalk:
             return False
         robot = self._robot
         wrists = [robot.scratch.oMf[robot.frame_id(tool.wrist_frame)].translation for tool in robot.spec.tools]
-        return self._hands.why_not_there(np.array(wrists)[:, None], T_pelvis) is None
+        return self._hands.why_not_there(np.array(wrists)[:, None], T_pelvis, HELD) is None

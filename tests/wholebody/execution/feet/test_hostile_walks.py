@@ -41,7 +41,7 @@ def test_hands_near_the_body_are_walked_with_and_others_are_not_and_why_is_noted
     assert supervisor.walks
     assert supervisor.not_led is None
     T = chunk.T_world_lhand.copy()
-    for axis, way, why in ((0, 0.5, "arm lengths"), (1, -0.35, "across"), (0, -0.45, "behind")):
+    for axis, way, why in ((0, 0.5, "arm lengths"), (1, -0.17, "middle"), (0, -0.3, "behind")):
         moved = T.copy()
         moved[:, axis, 3] += way
         supervisor.reset(state)
