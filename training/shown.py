@@ -10,6 +10,7 @@ hand that is never turned is 0, and then a thousandth of a degree is a hundred d
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,11 @@ LEAST = 0.05
 degree in a rotation, which is more than a robot that stands still is off, and less than any task moves a hand."""
 
 
+def shown_columns(names: Sequence[str]) -> list[int]:
+    """Columns of what is shown of a task, of the state's names."""
+    return [k for k, name in enumerate(names) if name.startswith(("to_goal_", "object_", "to_object_"))]
+
+
 def add_shown(plain: Path, whole: Path) -> None:
     """Copy the dataset of a folder to another one, with the column."""
     from lerobot.datasets.dataset_tools import add_features
@@ -30,8 +36,8 @@ def add_shown(plain: Path, whole: Path) -> None:
 
     dataset = LeRobotDataset("loop/recorded", root=plain)
     names = dataset.features[STATE]["names"]
-    shown = [name for name in names if name.startswith(("to_goal_", "object_", "to_object_"))]
-    columns = [names.index(name) for name in shown]
+    columns = shown_columns(names)
+    shown = [names[column] for column in columns]
     values = np.array(dataset.hf_dataset.with_format("numpy")[STATE], dtype=np.float32)[:, columns]
     feature = {"dtype": "float32", "shape": (len(shown),), "names": shown}
     made = add_features(dataset, {SHOWN: (values, feature)}, output_dir=whole, repo_id="loop/data")

@@ -17,6 +17,8 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.scripts.lerobot_record import RecordConfig
 
 from lerobot_robot_wholebody import WholebodyG1
+from lerobot_robot_wholebody.target import Numbers
+from lerobot_robot_wholebody.tasks import task_of
 from training import loop, replay, shown
 from training.measure import done
 
@@ -145,3 +147,10 @@ def test_a_thing_is_done_where_it_was_moved_far_enough():
     names = [f"object_{axis}.pos" for axis in "xyz"]
     assert done(np.array([[0.4, 0.1, 0.83], [0.4, 0.1, 0.90]]), names, "pick")
     assert not done(np.array([[0.4, 0.1, 0.83], [0.5, 0.1, 0.88]]), names, "pick")
+
+
+def test_what_is_shown_of_a_task_is_what_the_robot_does_not_tell_of_itself():
+    own = Numbers().state_names
+    for task in ("reach", "lift"):
+        names = task_of(task, 0).names
+        assert shown.shown_columns([*own, *names]) == list(range(len(own), len(own) + len(names)))
