@@ -114,17 +114,20 @@ class Executor:
             self._ensemble.reset()
         self.worker.submit(Job(self._episode, self.clock.now(), task=task))
 
-    def poll(self, observe: Callable[[], Observation], executing: Executing | None = None) -> ActionChunk | None:
+    def poll(
+        self, observe: Callable[[], Observation], executing: Executing | None = None, until: float = inf
+    ) -> ActionChunk | None:
         """A new chunk to execute from now on, or None: go on with the one before.
 
         Args:
             observe: Called if a chunk is asked for.
             executing: What is really commanded; the last chunk itself if not given. Used by real-time chunking.
+            until: Time after which nothing is needed [s]: a chunk that goes so far is the last one.
         """
         now = self.clock.now()
         self._account(now)
         chunk = self._collect(now)
-        if self._due(now):
+        if self._due(now, until):
             self._ask(now, observe(), executing)
             chunk = self._collect(now) or chunk
         return chunk
@@ -162,12 +165,13 @@ class Executor:
             self._hung = True
             self.report.add(now, "policy_hung", f"no answer since {self._asked:.3f} s")
 
-    def _due(self, now: float) -> bool:
+    def _due(self, now: float, until: float) -> bool:
         if self._asked is not None or self._dead or now < self._not_before - TIME_TOLERANCE:
             return False
         if self.running is None or self._hastened:
             return True
-        return now >= self.running.t_obs + self._asked_after(self.running) - TIME_TOLERANCE
+        goes_on = self.running.times[-1] < until - TIME_TOLERANCE
+        return goes_on and now >= self.running.t_obs + self._asked_after(self.running) - TIME_TOLERANCE
 
     def _asked_after(self, chunk: ActionChunk) -> float:
         """Age of a chunk at which the next one is asked for, so that it is there before the last step [s]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +29,9 @@ class ReplayPolicy:
     """Serves one long chunk in windows.
 
     Windows start on the recording's own steps, the last one at or before the observation, so nothing is resampled and
-    successive chunks agree exactly. After the end the last pose is held. Episode time is 0 at the first observation
-    after `reset`.
+    successive chunks agree exactly. The last window ends with the recording, in motion if that does: to stop is no part
+    of it. After that, and where less than half a window is left, the last pose is held. Episode time is 0 at the first
+    observation after `reset`.
 
     Args:
         episode: The whole recording, anchored in world; its t_obs is ignored.
@@ -90,11 +92,23 @@ class ReplayPolicy:
         seq, elapsed = self._clock.tick(observation.time)
         # A time that is a step but for rounding must find that step.
         first = int(np.floor(elapsed * self.episode.fps + 1e-6))
-        steps = np.minimum(first + np.arange(self.horizon), len(self.episode) - 1)
+        left = len(self.episode) - first
+        whole = first == 0 or 2 * left >= self.horizon
+        steps = np.minimum(first + np.arange(min(self.horizon, left) if whole else self.horizon), len(self.episode) - 1)
         t_obs = observation.time - elapsed + first / self.episode.fps
         window = {name: value[steps] for name, value in self.episode.arrays().items()}
         notes = () if seq else self.episode.notes  # they are about the whole recording
         return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window)
+
+
+def needed_until(policy: object, duration: float) -> float:
+    """Time after which nothing more is asked of a policy that is run for a time [s].
+
+    A recording that is not run for longer than it lasts needs no chunk after the one that goes so far; others always
+    do, and what they answer may change: inf.
+    """
+    length = getattr(policy, "duration", None) if hasattr(policy, "episode") else None
+    return inf if length is None or duration > length + 1e-9 else duration
 
 
 def open_recording(

@@ -14,6 +14,7 @@ from policy.clock import SimulatedClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import simulated_executor
 from policy.observation import Observation
+from policy.recorded.replay import needed_until
 from wholebody.config.bounds import require_all
 from wholebody.episode.chunk_seams import commanded_chunk
 from wholebody.episode.meters import Meters
@@ -120,13 +121,13 @@ def run_episode(
         TypeError: If an executor's clock is not a simulated one.
     """
     config = config or EpisodeConfig()
-    state = plant.reset() if config.begin is None else plant.reset(config.begin)
-    measure = _measures(sensors)
+    state, measure = plant.reset() if config.begin is None else plant.reset(config.begin), _measures(sensors)
     measured = measure(state)
     supervisor.reset(measured, state.time)
     executor, clock = _executor(policy, config, supervisor.config.planning.lead)
     meters = Meters(supervisor, plant, executor, config.settle + config.lead_in)
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
+    until = config.settle + needed_until(executor.policy, duration)
 
     def seen() -> Observation:
         return observe(plant.spec, supervisor, measured, config.task, config.cameras and config.cameras(), state.time)
@@ -137,7 +138,7 @@ def run_episode(
     while state.time < end - 1e-9 and meters.result.fall is None:
         if config.settle - 1e-9 <= state.time < asking - 1e-9:
             clock.set(max(state.time, clock.now()))
-            chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
+            chunk = executor.poll(seen, partial(commanded_chunk, supervisor), until)
             if chunk is not None:
                 answer = supervisor.accept(chunk, state.time)
                 meters.offered(chunk, executor, answer, supervisor)

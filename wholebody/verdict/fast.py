@@ -13,7 +13,7 @@ from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.observation import Observation
-from policy.recorded.replay import ReplayPolicy
+from policy.recorded.replay import ReplayPolicy, needed_until
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
@@ -147,14 +147,14 @@ class FastChecker:
         """Chunk after chunk for a time [s], begun somewhere or with the hands at the first step; where it was begun."""
         policy.reset()
         first, played, state, notes = begin, list[Played](), None, tuple[str, ...]()
-        time, end = 0.0, max(duration - 1e-9, 1e-9)  # even the shortest input is asked for once
-        while time < end:
+        time, last, needed = 0.0, False, needed_until(policy, duration)
+        while not last:
             chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
             if begin is None:
                 begin = first = self.judge.first_pose(chunk)
                 notes = far_from_stance(chunk, self.spec, run.free)
             following = REPLACE_EVERY / chunk.fps
-            last = time + following >= duration - 1e-9
+            last = max(time + following, chunk.times[-1] - needed + duration) >= duration - 1e-9
             until = np.inf if last else time + following + lead
             one, state = run.follow(chunk, begin, time + lead, until, state, notes=notes)
             begin, notes = state.begin, ()
@@ -252,7 +252,7 @@ class FastChecker:
         """What is likely to become of the chunks, each by itself; None of a body that was not learned."""
         if self.spec.body_joints != g1().body_joints:
             return None
-        collected = [one.planned.quantities for one in played if one.planned and one.planned.quantities]
+        collected = [one.planned.quantities for one in played if one.planned.quantities]
         found = {
             "settings": not self._usual,
             "loads": max(self.judge.loads) > 0.0,

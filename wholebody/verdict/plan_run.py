@@ -83,14 +83,14 @@ class Played:
     Attributes:
         opening: How the input begins.
         notes: What is told of the chunk.
-        planned: What its plan says; None of the rest of the chunk before, which says nothing new.
+        planned: What its plan says.
         steps: What is commanded at its steps that are due until the next one, compared with what is asked for.
         spent, travelled: Time on the plan, and chunk time that it covers [s].
     """
 
     opening: Opening
     notes: tuple[Note, ...]
-    planned: Planned | None
+    planned: Planned
     steps: PalmErrors
     spent: float
     travelled: float
@@ -160,17 +160,13 @@ class PlanRun:
         of it before its own.
         """
         chunk.validate(robot=layout_robot(self.judge.spec))
-        if before is not None and found is None and (whole := self._begun(chunk, before)) is not None:
-            planned, state, asked, texts = None, before, whole, tuple(notes)
-        else:
-            planned, state = self._plan(chunk, begin, now, before, found)
-            asked, texts = chunk, (*notes, *chunk.notes)
-        due = np.flatnonzero((asked.times > now - 1e-9) & (asked.times < until - 1e-9))
-        steps, followed = self._compared(asked, due, begin, state), state.followed
+        planned, state = self._plan(chunk, begin, now, before, found)
+        due = np.flatnonzero((chunk.times > now - 1e-9) & (chunk.times < until - 1e-9))
+        steps, followed = self._compared(chunk, due, begin, state), state.followed
         if followed is not None and np.isfinite(until):
             begin = self.judge.later(followed.plan, until - state.since)
-        spent, rate = (0.0, 0.0) if followed is None else (len(due) / asked.fps, followed.plan.rate)
-        told = tuple(Note(chunk.t_obs, text) for text in texts)
+        spent, rate = (0.0, 0.0) if followed is None else (len(due) / chunk.fps, followed.plan.rate)
+        told = tuple(Note(chunk.t_obs, text) for text in (*notes, *chunk.notes))
         return Played(state.opening, told, planned, steps, spent, spent * rate), replace(state, begin=begin)
 
     def _is_off(self, found: ChunkJudgement) -> bool:
@@ -178,21 +174,6 @@ class PlanRun:
         bounds, turned = self.judge.config.verdict, np.where(self.free, 0.0, found.turned)
         far, turn = found.moved.max(initial=0.0), turned.max(initial=0.0)
         return bool(far > bounds.palm_feasible or turn > bounds.turn_feasible)
-
-    def _begun(self, chunk: ActionChunk, before: RunState) -> ActionChunk | None:
-        """Chunk of which one is the rest, if its plan does that as given: another one says nothing new."""
-        last, found = before.chunk, before.followed
-        if last is None or found is None or found.exceeded or self._is_off(found):
-            return None
-        if found.plan.report.changes or found.plan.rate != 1.0:
-            return None
-        first = (chunk.t_obs - last.t_obs) * last.fps
-        if chunk.fps != last.fps or abs(first - round(first)) > 1e-6:
-            return None
-        # What is asked for past the end of a recording is its last step.
-        steps, given = np.minimum(round(first) + np.arange(len(chunk)), len(last) - 1), last.arrays()
-        same = (np.array_equal(values, given[name][steps]) for name, values in chunk.arrays().items())
-        return last if chunk.arrays().keys() == given.keys() and all(same) else None
 
     def _plan(
         self, chunk: ActionChunk, begin: Begin, now: float, before: RunState | None, known: ChunkJudgement | None
@@ -265,7 +246,7 @@ class PlanRun:
 
     def verdict(self, played: Sequence[Played], name: str = "", settings: dict | None = None) -> Verdict:
         """Verdict on chunks that were played, by the same rules as that of an episode."""
-        opening, planned = played[0].opening, [one.planned for one in played if one.planned is not None]
+        opening, planned = played[0].opening, [one.planned for one in played]
         bounds, margins = self.judge.config.verdict, _tightest(planned)
         verdict = verdict_of(name, _result(played, planned, self.free), settings, bounds=bounds)
         if Limit.SCENE_DISTANCE in margins:

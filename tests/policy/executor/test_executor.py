@@ -54,6 +54,14 @@ def test_a_hastened_chunk_is_asked_for_at_once_and_only_one_at_a_time():
     assert [chunk.t_obs for _, chunk in got] == pytest.approx([0.3, 0.5], abs=3 * TICK)
 
 
+def test_no_more_is_asked_for_than_is_needed():
+    runner = started(scripted_policy("wave"))
+    asked = [runner.poll(lambda: observation(0.0), until=until) for until in (1.0, 1.0)]
+    runner.clock.set(1.2)
+    later = [runner.poll(lambda: observation(1.2), until=until) for until in (49 / 30.0, 49 / 30.0 + 0.1)]
+    assert [chunk is not None for chunk in (*asked, *later)] == [True, False, False, True]
+
+
 def test_chunks_with_random_latency_below_half_their_length_never_starve():
     runner = started(scripted_policy("wave"), latency=uniform_latency(0.0, 0.4, seed=3))
     run(runner, 10.0)

@@ -25,6 +25,7 @@ from policy import (
     write_chunk_file,
     write_motion_csv,
 )
+from policy.recorded.replay import needed_until
 from tests.support.policy_cases import made_up_motion, observation, wandering_chunk
 
 
@@ -60,7 +61,8 @@ class TestEveryPolicy:
             time = 2.0 + i * 25 / 30.0
             chunk = policy.infer(observation(time))
             chunk.validate(after=before)
-            assert (chunk.seq, len(chunk)) == (i, 50)
+            left = 50 if not hasattr(policy, "episode") else len(policy.episode) - 25 * i
+            assert (chunk.seq, len(chunk)) == (i, left if 25 <= left < 50 else 50)
             assert time - 1.0 / chunk.fps < chunk.t_obs <= time + 1e-9
             before = chunk
 
@@ -104,6 +106,25 @@ class TestEveryPolicy:
         policy.infer(observation(0.0))
         chunk = policy.infer(observation(policy.duration + 10.0))
         assert np.abs(chunk.T_world_lhand - chunk.T_world_lhand[0]).max() < 1e-9
+
+
+def test_no_window_asks_for_a_stop_that_is_no_part_of_the_recording():
+    """Hands that were told to stop at once at the last row of a motion left its plan, which was feasible."""
+    episode = wandering_chunk(Anchor.nominal(), steps=90)
+    policy = ReplayPolicy(episode)
+    windows = [policy.infer(observation(i * 25 / episode.fps)) for i in range(4)]
+    assert [len(window) for window in windows] == [50, 50, 40, 50]
+    assert (windows[2].T_world_lhand == episode.T_world_lhand[50:]).all()
+    assert (windows[3].T_world_lhand[14:] == episode.T_world_lhand[-1]).all()  # of those who go on, hands are held
+    assert len(ReplayPolicy(wandering_chunk(Anchor.nominal(), steps=7)).infer(observation(0.0))) == 7
+
+
+def test_nothing_is_needed_after_the_end_of_a_recording_but_by_those_who_go_on():
+    policy = ReplayPolicy(wandering_chunk(Anchor.nominal(), steps=90))
+    assert needed_until(policy, policy.duration) == policy.duration
+    assert needed_until(policy, 1.0) == 1.0
+    assert needed_until(policy, policy.duration + 1.0) == np.inf
+    assert needed_until(scripted_policy("wave"), 1.0) == np.inf
 
 
 def test_replay_serves_the_recordings_own_steps_at_any_time(motion_file):

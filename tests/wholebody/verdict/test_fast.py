@@ -103,7 +103,7 @@ def test_a_hand_that_is_too_fast_is_told_with_its_speed():
     assert found.margin == pytest.approx(-0.5, abs=1e-6)
 
 
-def test_the_rest_of_a_chunk_that_is_done_as_given_is_not_planned_again(checker, monkeypatch):
+def test_what_is_planned_to_the_end_of_a_recording_is_not_planned_again(checker, monkeypatch):
     planned, judged = [], checker.judge.judge
     monkeypatch.setattr(checker.judge, "judge", lambda chunk, *rest: planned.append(chunk.seq) or judged(chunk, *rest))
     plain, slow = (ReplayPolicy(sent(to=to)) for to in ((0.1, 0.0, 0.1), (0.7, 0.0, 0.0)))
@@ -112,7 +112,10 @@ def test_the_rest_of_a_chunk_that_is_done_as_given_is_not_planned_again(checker,
     assert whole.verdict == "feasible"
     planned.clear()
     checker.check(slow, "out of reach", slow.duration)
-    assert planned == [0, 1]
+    assert planned == [0]
+    planned.clear()
+    checker.check(plain, "goes on", plain.duration + 0.5)
+    assert planned == [0, 1, 2]
 
 
 def test_a_step_of_a_run_is_told_by_what_it_is_given_and_a_verdict_changes_nothing(checker):
@@ -241,7 +244,7 @@ def test_a_load_that_is_told_is_planned_for():
 def test_no_step_is_named_that_the_input_does_not_have(checker):
     """While the end is held hands are off as well, at a time after the last step, which is told."""
     policy = ReplayPolicy(sent(to=(0.5, 0.0, 0.0), time=1.6))
-    verdict = checker.check(policy, "out of reach", policy.duration)
+    verdict = checker.check(policy, "out of reach", policy.duration + 1.0)
     steps = [one.step for one in (*verdict.violations, *verdict.margins) if one.step is not None]
     assert max(steps) == STEPS - 1
     assert max(one.time for one in verdict.violations) > policy.duration

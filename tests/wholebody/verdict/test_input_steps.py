@@ -102,7 +102,7 @@ def test_to_begin_at_the_first_row_is_offered_where_the_robot_can_be_put_there()
 
 def test_hands_that_lost_the_chunk_on_their_way_are_not_told_as_far_from_its_beginning():
     """Of a chunk that is planned from where the one before left the hands, these are far from its first step."""
-    policy = ReplayPolicy(sent(jump=(0.4, 0.0, 0.0), to=(-0.2, 0.0, 0.0), time=0.9))
+    policy = ReplayPolicy(sent(jump=(0.4, 0.0, 0.0), to=(-0.2, 0.0, 0.0), time=0.9, steps=60))
     verdict = FastChecker().check(policy, "lost", policy.duration)
     assert any(one.code == "start" and one.margin < 0.0 for one in verdict.margins)
     assert "where row 0 begins" not in verdict.headline

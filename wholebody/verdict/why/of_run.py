@@ -76,7 +76,7 @@ class RunExplainer:
             verdict: On the input, which is not feasible.
             end: Time of its last step since its first one [s]; then it is held.
         """
-        suspects = [one.planned.suspect for one in self.played if one.planned and one.planned.suspect]
+        suspects = [one.planned.suspect for one in self.played if one.planned.suspect]
         every_own, start = [] if self.at_once else suspects, self.played[0].opening.start
         asked = [self._own(one) for one in every_own[:SUSPECTS]]
         asked = asked if self.whole is None else [self._clean(self.whole), *asked]
