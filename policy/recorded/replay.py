@@ -93,8 +93,9 @@ class ReplayPolicy:
         # A time that is a step but for rounding must find that step.
         first = int(np.floor(elapsed * self.episode.fps + 1e-6))
         left = len(self.episode) - first
-        whole = first == 0 or 2 * left >= self.horizon
-        steps = np.minimum(first + np.arange(min(self.horizon, left) if whole else self.horizon), len(self.episode) - 1)
+        # A plan takes time: what is over before it is there cannot be followed.
+        count = self.horizon if 2 * left < self.horizon else min(self.horizon, left)
+        steps = np.minimum(first + np.arange(count), len(self.episode) - 1)
         t_obs = observation.time - elapsed + first / self.episode.fps
         window = {name: value[steps] for name, value in self.episode.arrays().items()}
         notes = () if seq else self.episode.notes  # they are about the whole recording
