@@ -93,7 +93,9 @@ class Leaning:
         room = min(max((WAIST_MAX - spent) / WAIST_ROOM, 0.0), 1.0)
         self._unfelt = room * beyond * moved * self.unfelt
 
-    def advance(self, rows: np.ndarray, expected: np.ndarray, planned: np.ndarray, elapsed: float) -> None:
+    def advance(
+        self, rows: np.ndarray, expected: np.ndarray, planned: np.ndarray, drawn: float, elapsed: float
+    ) -> None:
         """Take in what is felt now.
 
         Args:
@@ -101,6 +103,7 @@ class Leaning:
             expected: Forces that chunks expect on the palms, shape (2, 3), [N]: before a hand feels its own, the body
                 leans half of the way.
             planned: Where the plan has the centre of mass, shape (2,), [m].
+            drawn: Whether a hand is led away, from 0 to 1: a surface that stays pushes no harder than the hand.
             elapsed: Time since the last tick [s].
         """
         controller = self._controller
@@ -113,16 +116,19 @@ class Leaning:
         keep = exp(-elapsed / TIPPED_TIME)
         self._moved = keep * self._moved + (1.0 - keep) * moved
         controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / max(hypot(*self._moved), 1e-9))
-        self._lean(self._wanted(planned), com[:2] - planned, elapsed)
+        wanted, edge = self._wanted(planned)
+        unfelt = min(max(self._lasted / LASTING - 1.0, 0.0), 1.0)
+        controller.braced[:] = BRACED * edge * max(drawn, unfelt)
+        self._lean(wanted, com[:2] - planned, elapsed)
 
-    def _wanted(self, planned: np.ndarray) -> np.ndarray:
-        """How far the centre of mass is to lean, shape (2,), [m]: against the force, most where it brings an edge near.
+    def _wanted(self, planned: np.ndarray) -> tuple[np.ndarray, float]:
+        """How far the centre of mass is to lean, shape (2,), [m], and how near the force brings an edge, from 0 to 1.
 
         Away from the edge that the force brings nearest, and along that edge, by a share of how far it moves the centre
         of pressure that is the share of the way to the edge. So a foot does not lose all of its load: what is drawn
         aside also turns, and one sole alone does not hold that.
         """
-        support, rest, away, braced = self._controller.support, self._moved.copy(), np.zeros(2), 0.0
+        support, rest, away, edge = self._controller.support, self._moved.copy(), np.zeros(2), 0.0
         room = np.maximum(support.offsets - support.normals @ planned, ROOM_MIN)
         for _ in range(2):
             shares = support.normals @ rest / room
@@ -130,9 +136,8 @@ class Leaning:
             n, share = support.normals[nearest], min(float(shares[nearest]), 1.0)
             towards, other = float(n @ rest), LEAN_SHARE / float(np.max(-(support.normals @ n) / room))
             away -= min(share * towards, other) * n
-            rest, braced = rest - towards * n, max(braced, share)
-        self._controller.braced[:] = BRACED * braced
-        return away
+            rest, edge = rest - towards * n, max(edge, share)
+        return away, edge
 
     def _lean(self, wanted: np.ndarray, leant: np.ndarray, elapsed: float) -> None:
         """Have the centre of mass lean by so much (2,), told up to twice of it as long as it leans by less, (2,)."""

@@ -46,9 +46,9 @@ friction from pressure, and the first impact says little of the direction."""
 HELD_BACK, STOPPED = 0.015, 0.05
 """Distance by which a palm is short of its command along its push [m], and speed along it [m/s], from which it is held
 back; chosen: friction that is taken for a touch feigns no more."""
-PULLED, PULLED_END = 0.06, 0.12
-"""Distance against its push, from where it began to touch, from which a hand that is led away resists more than it may
-push, and at which it yields no more [m]; chosen: further away its arm ends, and the body would go along."""
+LED, PULLED, PULLED_END = 0.02, 0.06, 0.12
+"""Distance against its push, from where it began to touch, from which a hand is led away, resists more than it may
+push, and yields no more [m]; chosen: surfaces that stay lead no hand, and further away the body would go along."""
 SLIDES = 0.7
 """Cosine of the angle between a push and the motion below which a palm slides [no unit]; chosen: friction of 1 is at
 0.71, and one that runs into something goes along its push."""
@@ -110,7 +110,7 @@ class Touch:
         self._body.reset()
         self.asked.reset()
         self._into, self._palms, self._velocity, self._met = np.zeros((4, 2, 3))
-        self._felt = np.zeros((2, 6))
+        self._felt, self._drawn = np.zeros((2, 6)), [0.0, 0.0]
 
     @property
     def forces(self) -> np.ndarray:
@@ -159,13 +159,14 @@ class Touch:
             own = (begins and not follows) or (size > found and self._touches_itself(hand))
             self._advance(hand, 0.0 if own else size, now, elapsed)
         self._count_on(observer.wrenches)
-        self._leaning.advance(self._rows, self.asked.forces, row[COM : COM + 2], elapsed)
+        self._leaning.advance(self._rows, self.asked.forces, row[COM : COM + 2], max(self._drawn), elapsed)
         for hand in range(2):
             if self.shares[hand] > 0.0:
                 self._find_normal(hand, now, elapsed)
                 self._bound(hand, palms, row, elapsed)
             else:
                 self.asked.free(hand)
+                self._drawn[hand] = 0.0
             self._hold(hand, row)
         self._settled = max(self.shares) == 0.0 and self._leaning.settled and not self.asked.forces.any()
         if self._settled:
@@ -267,8 +268,9 @@ class Touch:
             most = max(most, min(1.5 * told * config.mass, self.asked.limits[hand], TOLD_SHARE * tips, spends))
         felt, tick, (shoulder, elbow) = self._rows[hand, FORCE:MOMENT], self._controller.compiled.tick, self._ends[hand]
         ends = stretched(tick.p[shoulder], tick.p[elbow], tick.frame_p[PALM_FRAME + hand], felt)
-        led = (self._into[hand].dot(self._met[hand] - palms[hand]) - PULLED) / (PULLED_END - PULLED)
-        share = min(max(led, ends, 0.0), 1.0)
+        away = self._into[hand].dot(self._met[hand] - palms[hand])
+        share = min(max((away - PULLED) / (PULLED_END - PULLED), ends, 0.0), 1.0)
+        self._drawn[hand] = min(max((away - LED) / (PULLED - LED), ends, 0.0), 1.0)
         most += share * max(sqrt(felt.dot(felt)) - most, 0.0)
         self._rows[hand, PUSH_MAX] = most / config.mass
 

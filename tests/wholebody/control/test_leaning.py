@@ -29,7 +29,7 @@ def lean(controller, force, told=(0.0, 0.0, 0.0)):
     leaning, rows, tells = Leaning(controller), np.zeros((2, TOUCH)), np.zeros((2, 3))
     rows[0, FORCE : FORCE + 3], rows[0, SHARE], tells[0] = force, float(np.any(force)), told
     for _ in range(50):
-        leaning.advance(rows, tells, controller.robot.com[:2].copy(), 0.02)
+        leaning.advance(rows, tells, controller.robot.com[:2].copy(), 0.0, 0.02)
     found = controller.lean.copy(), controller.tipped.copy()
     leaning.reset()
     assert leaning.settled
@@ -65,17 +65,19 @@ def test_the_body_leans_aside_too_where_a_force_takes_a_foot_its_load(controller
     assert y < -0.9 * x < 0.0
 
 
-def test_a_force_that_brings_an_edge_near_braces_the_centre_of_mass(controller):
+def test_a_force_that_leads_a_hand_away_and_brings_an_edge_near_braces_the_centre_of_mass(controller):
+    """Two hands that pushed on a wall, which led neither away, were pushed on with 121 N instead of 31."""
     braced = []
-    for size in (10.0, 35.0):
+    for size, drawn in ((10.0, 1.0), (35.0, 1.0), (35.0, 0.0)):
         leaning, rows = Leaning(controller), np.zeros((2, TOUCH))
         rows[0, FORCE : FORCE + 3], rows[0, SHARE] = size * AHEAD, 1.0
         for _ in range(50):
-            leaning.advance(rows, np.zeros((2, 3)), controller.robot.com[:2].copy(), 0.02)
+            leaning.advance(rows, np.zeros((2, 3)), controller.robot.com[:2].copy(), drawn, 0.02)
         braced.append(float(controller.braced[0]))
         leaning.reset()
     assert braced[1] == BRACED
     assert 0.2 * BRACED < braced[0] < 0.5 * BRACED
+    assert braced[2] == 0.0
     assert not controller.braced.any()
 
 
