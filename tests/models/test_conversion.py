@@ -124,15 +124,15 @@ def test_a_model_without_the_robot_is_refused_by_name():
         Conversion(SPEC, MODEL, empty)
 
 
-def test_reading_a_state_costs_little_beside_a_step_of_kinematics():
-    """In processor time of the thread, by turns; measured 0.1 to 0.2."""
+def test_reading_a_state_costs_little_beside_a_step_of_physics():
+    """In processor time of the thread, by turns; measured 0.01."""
     data, shares = mujoco.MjData(MJ_MODEL), []
     for _ in range(5):
         seconds = []
-        for work in (lambda: CONVERT.to_pinocchio(data.qpos, data.qvel), lambda: mujoco.mj_kinematics(MJ_MODEL, data)):
+        for work in (lambda: CONVERT.to_pinocchio(data.qpos, data.qvel), lambda: mujoco.mj_step(MJ_MODEL, data)):
             start = time.thread_time()
             for _ in range(500):
                 work()
             seconds.append(time.thread_time() - start)
         shares.append(seconds[0] / seconds[1])
-    assert min(shares) < 1.0
+    assert min(shares) < 0.2

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from wholebody.jit.checked import SWITCH, checked
+from wholebody.jit.checked import CLOSELY, RARELY, SWITCH, checked
 from wholebody.jit.entry import Entry
 from wholebody.jit.packed import Packed
 
@@ -68,3 +68,12 @@ def test_entries_compare_where_the_environment_asks_for_it(monkeypatch, asked):
             entry(ROWS.astype(int), 1.0)
     else:
         assert entry(ROWS.astype(int), 1.0) == 6.0
+
+
+def test_a_kernel_that_is_called_often_is_still_looked_at():
+    call = checked(area, lambda values, width: 1.0, (ROWS, 1.0))
+    for _ in range(CLOSELY):
+        call(ROWS, 2.0)
+    with pytest.raises(TypeError, match="compiled for"):
+        for _ in range(RARELY):
+            call(ROWS[0], 2.0)
