@@ -11,7 +11,7 @@ from wholebody.types import JointCommand, Reason, Status, StatusReport
 DT = 0.002
 LENGTHS = {"j": 43, "nq": 50, "nv": 49, "m": 43, "k": 1, "c": 4, "d": 2, "s": 1}
 SQUARE = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
-"""A support polygon [m]."""
+"""Corners of both soles [m]: a support polygon."""
 
 
 def made_record(n=1000, **changed):
@@ -21,7 +21,8 @@ def made_record(n=1000, **changed):
         shape = tuple({**LENGTHS, "n": n}.get(length, length) for length in column.shape)
         arrays[name] = np.zeros(shape, dtype={"f": float, "i": int, "U": "U40"}[column.kind])
     names = g1().joint_names
-    arrays |= {"time": DT * np.arange(n), "version": np.array(VERSION), "scene": np.array("floor"), "support": SQUARE}
+    arrays |= {"time": DT * np.arange(n), "version": np.array(VERSION), "scene": np.array("floor")}
+    arrays |= {"soles": np.tile(SQUARE, (n, 1, 1)), "carries": np.ones((n, 4), dtype=int)}
     arrays |= {"joint_names": np.array(sorted(names)), "motor_names": np.array(names), "effort_max": np.full(43, 10.0)}
     arrays["status"][:], arrays["details"][:], arrays["rate"][:] = "tracking", ["", "said"], 1.0
     arrays["q"][:, 6] = arrays["objects"][..., 3] = 1.0
@@ -30,6 +31,16 @@ def made_record(n=1000, **changed):
         arrays[f"T_world_palms_{palms}"][:] = np.eye(4)
     arrays |= {"palm_bounds": np.array([0.02, 0.05]), "turn_bounds": np.radians([10.0, 25.0]), "lead": np.array(0.1)}
     return Record(arrays | changed)
+
+
+def stepped_record():
+    """A robot that puts its left foot 0.2 m ahead from period 10 to 20, and stands for 30."""
+    sole = 0.5 * SQUARE
+    soles = np.tile(np.concatenate([sole + np.array([0.0, 0.1]), sole - np.array([0.0, 0.1])]), (30, 1, 1))
+    soles[10:, :4, 0] += 0.2
+    carries = np.ones((30, 8), dtype=int)
+    carries[10:20, :4] = 0
+    return made_record(30, soles=soles, carries=carries)
 
 
 def save(record, path):

@@ -142,12 +142,17 @@ class LimitMonitor:
         return self._edge.get("pressure")
 
 
-def support_of(plant: Plant) -> SupportPolygon:
-    """Hull of the soles that touch the floor now."""
+def carrying(plant: Plant) -> np.ndarray:
+    """Which corners of the soles are of one that touches the floor now, shape (c,)."""
     points = plant.contact_points()
     owner = np.repeat(np.arange(len(plant.spec.feet)), [len(foot.points) for foot in plant.spec.feet])
     low = points[:, 2] < points[:, 2].min() + TOUCHES
-    return convex_polygon(points[np.isin(owner, owner[low]), :2])
+    return np.isin(owner, owner[low])
+
+
+def support_of(plant: Plant) -> SupportPolygon:
+    """Hull of the soles that touch the floor now."""
+    return convex_polygon(plant.contact_points()[carrying(plant), :2])
 
 
 def _note(found: dict[str, LimitExcess], name: str, time: float, dt: float, value: float, bound: float) -> None:

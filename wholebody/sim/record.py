@@ -14,7 +14,7 @@ from policy.reading import ReadingError
 from policy.recorded.chunk_file import KEYS
 from wholebody.types import Reason, Status
 
-VERSION = 1
+VERSION = 2
 """Version of the format."""
 FILE_MAX, ARRAY_MAX, TOTAL_MAX = 512 * 2**20, 128 * 2**20, 2**30
 """Largest recording, its largest array, and all that are unpacked together [bytes]: ten minutes of everything."""
@@ -24,6 +24,7 @@ TEXT_MAX = 300
 """Most characters of a sentence that is recorded."""
 NUMBER_MAX = 1e12
 """Largest number of a run, in any [unit]; chosen: what comes near it has long broken down."""
+SIDES = ("left", "right")
 MAY_BE_NAN = ("T_world_palms_asked", "pressure", "pressure_margin")
 """Columns in which NaN says that there is nothing."""
 
@@ -63,6 +64,8 @@ PERIODS: dict[str, Column] = {
     "capture_point": Column(("n", 2), "m", "centre of mass plus its velocity over the pendulum's frequency"),
     "foot_force": Column(("n",), "N", "load of the floor on the feet"),
     "pressure": Column(("n", 2), "m", "centre of pressure; NaN in the air"),
+    "soles": Column(("n", "c", 2), "m", "corners of both soles seen from above, those of the left one first"),
+    "carries": Column(("n", "c"), "", "1 where the sole of a corner stands on the floor", "i"),
     "pressure_margin": Column(("n",), "m", "distance of the centre of pressure inside the soles that stand"),
     "capture_margin": Column(("n",), "m", "distance of the capture point inside the soles that stand"),
     "rate": Column(("n",), "", "speed along the plan, 1 at the chunk's own"),
@@ -81,7 +84,6 @@ CONSTANTS: dict[str, Column] = {
     "joint_names": Column(("j",), "", "joints of `q` and `v` after the base, Pinocchio's order", "U"),
     "motor_names": Column(("m",), "", "joints of the commands, motor order", "U"),
     "effort_max": Column(("m",), "N m", "effort limits of the motors"),
-    "support": Column(("c", 2), "m", "support polygon of the soles as they first stood, counter-clockwise"),
     "details": Column(("d",), "", "what the supervisor said, the first one nothing", "U"),
     "contact_sets": Column(("s",), "", "bodies that touched, as `first-second` joined by blanks, the first none", "U"),
     "orientation_free": Column((2,), "", "1 where nothing is asked of the left and right palm's orientation", "i"),
@@ -93,6 +95,22 @@ CONSTANTS: dict[str, Column] = {
 """Arrays that are the same all along."""
 
 COLUMNS = PERIODS | CONSTANTS
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """A foot that stands.
+
+    Attributes:
+        side: Which one.
+        begin, end: Control period in which it is set down, and the first in which it is up again.
+        corners: Of its sole seen from above, shape (k, 2), [m].
+    """
+
+    side: str
+    begin: int
+    end: int
+    corners: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -111,6 +129,19 @@ class Record:
     def __len__(self) -> int:
         """Number of control periods."""
         return len(self.arrays["time"])
+
+    def footprints(self) -> list[Footprint]:
+        """Where each foot stood, in the order of time; two of a robot that makes no step."""
+        found = []
+        for foot, side in enumerate(SIDES):
+            of = np.array_split(np.arange(self["soles"].shape[1]), len(SIDES))[foot]
+            on = np.r_[False, self["carries"][:, of].all(axis=1), False]
+            begins, ends = (np.flatnonzero(on[:-1] < on[1:]), np.flatnonzero(on[:-1] > on[1:]))
+            found += [
+                Footprint(side, begin, end, self["soles"][(begin + end) // 2, of])
+                for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)
+            ]
+        return sorted(found, key=lambda one: one.begin)
 
     def palm_errors(self, first: str = "asked", second: str = "measured") -> np.ndarray:
         """Distances between two of the palm poses, shape (n, 2), [m]; NaN before the first chunk."""

@@ -16,13 +16,16 @@ from wholebody.config import ControllerConfig
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.plant import Plant
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
-from wholebody.sim.limit_monitor import support_of
+from wholebody.sim.limit_monitor import carrying
 from wholebody.sim.record import PERIODS, TEXT_MAX, VERSION, Record
 from wholebody.types import JointCommand, RobotState, StatusReport
 
 STEPPED = 0.01
 """Distance of a sole from where it was first from which the soles that touch are looked for [m]; chosen: no sole that
 stands slides or is bent as far."""
+
+SOLE_DIGITS = 5
+"""Digits of metres that are recorded of soles: what trembles below would take more room than all that moves."""
 
 
 @dataclass(frozen=True)
@@ -130,11 +133,13 @@ class Recorder:
         return {"T_world_palms_measured": np.stack([self._data.oMf[palm].homogeneous for palm in self._palms])}
 
     def _balance(self, state: RobotState, plant: Plant) -> dict[str, np.ndarray | float]:
-        """Centre of mass, capture point, pressure, and their distances from the edge of the support."""
+        """Soles, centre of mass, capture point, pressure, and their distances from the edge of the support."""
+        corners = plant.contact_points()[:, :2].copy()
         if self._support is None:
-            self._support, self._soles = convex_polygon(plant.contact_points()[:, :2]), plant.soles().copy()
+            self._support, self._soles = convex_polygon(corners), plant.soles().copy()
         moved = np.linalg.norm(plant.soles() - self._soles, axis=1).max() > STEPPED
-        support = support_of(plant) if moved else self._support
+        carries = carrying(plant) if moved else np.ones(len(corners), dtype=bool)
+        support = convex_polygon(corners[carries]) if moved else self._support
         pin.centerOfMass(self._model, self._data, state.q, state.v)
         com = self._data.com[0].copy()
         capture = com[:2] + self._data.vcom[0][:2] / natural_frequency(com[2])
@@ -146,6 +151,8 @@ class Recorder:
             "capture_point": capture,
             "foot_force": force,
             "pressure": pressure,
+            "soles": np.round(corners, SOLE_DIGITS),
+            "carries": carries.astype(int),
             "pressure_margin": support.margin(pressure),
             "capture_margin": support.margin(capture),
         }
@@ -161,7 +168,7 @@ class Recorder:
             return {}
         texts = {table: np.array(list(known)) for table, known in self._texts.items()}
         rows = {name: np.array(values) for name, values in self._rows.items()}
-        return {**rows, **self._constants, **texts, "support": self._support.vertices}
+        return {**rows, **self._constants, **texts}
 
     def record(self) -> Record:
         """Columns collected so far."""

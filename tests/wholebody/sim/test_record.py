@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policy.errors import FileFormatError
-from tests.support.recordings import made_record, save
+from tests.support.recordings import made_record, save, stepped_record
 from wholebody.sim.pictures.plot import PLOT_COLUMNS
 from wholebody.sim.pictures.scene import SCENE_COLUMNS
 from wholebody.sim.record import COLUMNS, CONSTANTS, PERIODS, read_record
@@ -46,7 +46,7 @@ def test_what_draws_and_plots_reads_no_more_than_it_needs(tmp_path, wanted):
         ({"contacts": np.full(5, -1)}, "'contacts'"),
         ({"scene": np.array("x" * 10_001)}, "'scene' of 10001 characters; at most 10000 are read"),
         ({"time": np.zeros(2_000_001)}, "has 2000001 control periods"),
-        ({"version": np.array(7)}, "format 7; 1 is read"),
+        ({"version": np.array(7)}, "format 7; 2 is read"),
         ({"extra": np.zeros(3)}, "unknown array 'extra'"),
     ],
 )
@@ -93,3 +93,12 @@ def test_c7_the_document_has_the_columns_of_the_format():
             for name, column in columns.items()
         ]
         assert rows == wanted
+
+
+def test_footprints_are_where_feet_stood_one_after_the_other():
+    left, right, ahead = stepped_record().footprints()
+    assert [(one.side, one.begin, one.end) for one in (left, right, ahead)] == [
+        ("left", 0, 10), ("right", 0, 30), ("left", 20, 30),
+    ]  # fmt: skip
+    np.testing.assert_allclose(ahead.corners - left.corners, [[0.2, 0.0]] * 4)
+    assert len(made_record(5).footprints()) == 2

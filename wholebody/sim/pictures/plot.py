@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wholebody.errors import require_extra
-from wholebody.sim.pictures.scene import SIDES, STATUS_COLOUR, Colour, Show
-from wholebody.sim.record import PERIODS, Record
+from wholebody.robot.support_polygon import convex_polygon
+from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
+from wholebody.sim.record import PERIODS, SIDES, Record
 from wholebody.types import Status
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 PLOT_COLUMNS = (
     *("time", "status", "reason", "torque_asked", "effort_max", "motor_names"),
     *(name for name in PERIODS if name.startswith("T_world_palms_")),
+    *("pressure", "capture_point", "com", "soles", "carries"),
     *("pressure_margin", "capture_margin", "rate", "planning_time"),
     *("palm_bounds", "turn_bounds", "balance_margin", "lead", "orientation_free"),
 )
@@ -33,10 +35,12 @@ PLANNING_MIN, PLANNING_MAX = 1.0, 300.0
 """So are the times of planning [ms]."""
 WORST, SELDOM = 3, 0.02
 """How many motors are named, and the part of the time that one must be the worst to be one of them."""
+HEIGHTS, FROM_ABOVE = (0.35, 2.0, 1.3, 1.6, 1.6, 1.6), 3.0
+"""Heights of the panels over time, and of the one that is seen from above [no unit]; chosen."""
 
 
 def plot(record: Record, output: str | Path, title: str = "") -> None:
-    """Draw a picture of the time lines.
+    """Draw a picture of the time lines; of a robot that makes steps, from above, too.
 
     Args:
         record: With `PLOT_COLUMNS` at least.
@@ -49,8 +53,16 @@ def plot(record: Record, output: str | Path, title: str = "") -> None:
     require_extra("plot", "matplotlib", "a plot")
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 12.0), layout="constrained")
-    panels = figure.subplots(6, 1, sharex=True, height_ratios=(0.35, 2.0, 1.3, 1.6, 1.6, 1.6))
+    steps = len(record.footprints()) > len(SIDES)
+    heights = (*HEIGHTS, FROM_ABOVE) if steps else HEIGHTS
+    figure = Figure(figsize=(11.0, 12.0 * sum(heights) / sum(HEIGHTS)), layout="constrained")
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    panels = [figure.add_subplot(grid[0])]
+    panels += [figure.add_subplot(cell, sharex=panels[0]) for cell in list(grid)[1 : len(HEIGHTS)]]
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
+    if steps:
+        _from_above(figure.add_subplot(grid[-1]), record)
     time = record["time"]
     for panel, draw in zip(panels, (_status, _errors, _turns, _margins, _torques, _speed), strict=True):
         draw(panel, record, time)
@@ -140,6 +152,22 @@ def _speed(axes: Axes, record: Record, time: np.ndarray) -> None:
     beside.set_ylabel("planning [ms]")
     handles = [*axes.get_legend_handles_labels()[0], *beside.get_legend_handles_labels()[0]]
     beside.legend(handles=handles, fontsize=7.5, loc="center left", bbox_to_anchor=(1.09, 0.5), frameon=False)
+
+
+def _from_above(axes: Axes, record: Record) -> None:
+    """Footprints with their numbers, and the ways of pressure, capture point and centre of mass over them."""
+    for number, one in enumerate(record.footprints()):
+        corners = convex_polygon(one.corners).vertices
+        axes.fill(*corners.T, color=SIDE_COLOUR[one.side], alpha=0.25, lw=0.0)
+        begin = record["time"][one.begin]
+        text = str(number - 1) if number >= len(SIDES) else "0"
+        axes.annotate(f"{text}\n{begin:.1f} s", corners.mean(axis=0), ha="center", va="center", fontsize=6.5)
+    for name, show in (("com", Show.MASS), ("capture_point", Show.CAPTURE), ("pressure", Show.PRESSURE)):
+        axes.plot(*record[name][:, :2].T, color=show.colour, lw=0.9, label=show.legend)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x [m]")
+    _finish(axes, "y [m]")
+    axes.autoscale(axis="y")
 
 
 def _line(

@@ -13,13 +13,12 @@ import numpy as np
 
 from policy.geometry.rotations import matrix_to_rotvec
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
-from wholebody.sim.record import PERIODS, Record
+from wholebody.sim.record import PERIODS, SIDES, Record
 from wholebody.types import Reason, Status
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
 
-SIDES = ("left", "right")
 GHOST_DISTANCE, GHOST_ANGLE = 0.005, np.radians(3.0)
 """A hand that is less far from where it is asked to be [m, rad] hides its ghost: a halo says that it is there."""
 ON_FLOOR = 0.002
@@ -28,7 +27,7 @@ ON_FLOOR = 0.002
 SCENE_COLUMNS = (
     *("time", "q", "objects", "status", "reason", "detail", "details", "rate", "scene", "joint_names"),
     *(name for name in PERIODS if name.startswith("T_world_palms_")),
-    *("com", "capture_point", "pressure", "pressure_margin", "support", "orientation_free"),
+    *("com", "capture_point", "pressure", "pressure_margin", "soles", "carries", "orientation_free"),
 )
 """Columns of a recording that scenes are made of."""
 
@@ -98,10 +97,6 @@ STATUS_COLOUR: dict[Status, Colour] = {
     Status.DAMPING: (0.65, 0.00, 0.10, 1.0),
 }
 
-STEPPED = 1e-3
-"""Difference of the distance from the first support from that which is recorded, from which the feet stand elsewhere
-[m]; chosen: rounding is a millionth."""
-
 
 @dataclass(frozen=True)
 class Scene:
@@ -113,8 +108,7 @@ class Scene:
         objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
         asked: Palm poses that the chunk asks for, left first, shape (2, 4, 4); None before the first chunk.
         commanded, measured: Palm poses that are commanded and that there are, likewise.
-        support: Where the robot stands, if it stands as it did first; None after a step.
-        margin: Distance of the centre of pressure from the edge of the soles then, positive inside [m].
+        support: Where the robot stands.
         pressure: Centre of pressure, shape (2,), [m]; None in the air.
         com: Centre of mass, shape (3,), [m].
         capture_point: Shape (2,), [m].
@@ -131,7 +125,7 @@ class Scene:
     asked: np.ndarray | None
     commanded: np.ndarray
     measured: np.ndarray
-    support: SupportPolygon | None
+    support: SupportPolygon
     pressure: np.ndarray | None
     com: np.ndarray
     capture_point: np.ndarray
@@ -140,7 +134,6 @@ class Scene:
     detail: str = ""
     rate: float = 1.0
     orientation_free: tuple[bool, bool] = (False, False)
-    margin: float | None = None
 
     @property
     def errors(self) -> np.ndarray | None:
@@ -162,7 +155,7 @@ class Scene:
         """Distance of the centre of pressure from the edge of the support, positive inside [m]; None in the air."""
         if self.pressure is None:
             return None
-        return self.margin if self.support is None else self.support.margin(self.pressure)
+        return self.support.margin(self.pressure)
 
     def words(self) -> tuple[str, str]:
         """Status with its reason, and the numbers of the instant."""
@@ -188,10 +181,9 @@ class Scene:
         return (*self._balance(), *self._palms())
 
     def _balance(self) -> list[Mark]:
-        stands = [] if self.support is None else [on_floor(self.support.vertices)]
-        marks = [Mark(Show.SUPPORT, MarkKind.AREA, corners, 0.003) for corners in stands]
         foot = np.array([*self.com[:2], ON_FLOOR])
-        marks += [
+        marks = [
+            Mark(Show.SUPPORT, MarkKind.AREA, on_floor(self.support.vertices), 0.003),
             Mark(Show.MASS, MarkKind.LINE, np.stack([self.com, foot]), 0.003),
             Mark(Show.MASS, MarkKind.BALL, self.com[None], 0.02),
             Mark(Show.CAPTURE, MarkKind.DISC, on_floor(self.capture_point[None], 2.0), 0.016),
@@ -230,8 +222,6 @@ def scene_at(record: Record, row: int) -> Scene:
     """
     poses = {name: record[f"T_world_palms_{name}"][row] for name in ("asked", "commanded", "measured")}
     pressure, reason = record["pressure"][row], str(record["reason"][row])
-    margin, support = float(record["pressure_margin"][row]), convex_polygon(record["support"])
-    stepped = np.isfinite(margin) and abs(support.margin(pressure) - margin) > STEPPED
     left, right = record["orientation_free"].tolist()
     return Scene(
         time=float(record["time"][row]),
@@ -240,8 +230,7 @@ def scene_at(record: Record, row: int) -> Scene:
         asked=poses["asked"] if np.isfinite(poses["asked"]).all() else None,
         commanded=poses["commanded"],
         measured=poses["measured"],
-        support=None if stepped else support,
-        margin=margin,
+        support=convex_polygon(record["soles"][row][record["carries"][row] > 0]),
         pressure=pressure if np.isfinite(pressure).all() else None,
         com=record["com"][row],
         capture_point=record["capture_point"][row],

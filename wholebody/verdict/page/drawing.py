@@ -12,7 +12,7 @@ import numpy as np
 from models.scenes import SceneFile
 from models.spec import RobotSpec
 from wholebody.sim.pictures.meshes import parts
-from wholebody.sim.pictures.scene import Colour, Show
+from wholebody.sim.pictures.scene import Colour, Show, on_floor
 from wholebody.verdict.page.reach_layer import box
 
 CAMERA = (1.85, 1.2, 1.3, 0.08, 0.0, 0.7, 0.0, 0.0, 1.0)
@@ -53,7 +53,7 @@ def tree(model: mujoco.MjModel) -> list[dict[str, Any]]:
 def snapshot(
     spec: RobotSpec,
     scene: str | SceneFile,
-    support: np.ndarray,
+    support: Sequence[np.ndarray],
     palms: dict[str, np.ndarray],
     reach: Sequence[np.ndarray],
 ) -> tuple[bytes, dict]:
@@ -62,7 +62,7 @@ def snapshot(
     Args:
         spec: The robot.
         scene: Around it.
-        support: Polygon of the soles, shape (c, 2), [m].
+        support: Polygons that the robot stands on, shape (c, 2) each, [m].
         palms: Ways of the palms, (n, 2, 3) each, [m], by the name of the mark.
         reach: Where the left and the right palm can be held, as of `reach_fields`.
 
@@ -122,12 +122,13 @@ def _number(colour: Colour) -> int:
     return (red << 16) + (green << 8) + blue
 
 
-def _marks(support: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, Colour]]:
+def _marks(support: Sequence[np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray, Colour]]:
     """Shapes that are moved where they belong: of unit size, but for the support, which stays."""
     ball, disc, stick = _ball(), _disc(), _stick()
-    corners = np.column_stack([support, np.full(len(support), 0.002)]).astype(np.float32)
-    fan = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)], dtype=np.uint32)
-    shapes = {"support": (corners, fan, Show.SUPPORT.colour)}
+    begins = np.cumsum([0, *map(len, support)])
+    fans = [[k, k + i, k + i + 1] for k, one in zip(begins, support, strict=False) for i in range(1, len(one) - 1)]
+    corners = on_floor(np.concatenate(support)).astype(np.float32)
+    shapes = {"support": (corners, np.array(fans, dtype=np.uint32), Show.SUPPORT.colour)}
     for side in ("left", "right"):
         shapes[f"asked_{side}"] = (*ball, (*Show.ASKED.colour[:3], 0.75))
         shapes[f"commanded_{side}"] = (*ball, Show.COMMANDED.colour)

@@ -21,8 +21,9 @@ from models.spec import RobotSpec
 from policy.writing import write_text
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError, require_extra
+from wholebody.robot.support_polygon import convex_polygon
 from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
-from wholebody.sim.record import Record
+from wholebody.sim.record import SIDES, Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
 from wholebody.verdict.page.drawing import CAMERA, REACH_COLOUR, snapshot, tree
@@ -89,7 +90,7 @@ def page(shown: Shown) -> str:
     model = load_mujoco(shown.spec, scene=scene, visuals=True)
     conversion = Conversion(shown.spec, load_pinocchio(shown.spec), model)
     palms = {name: frames.of_column(f"T_world_palms_{name}")[..., :3, 3] for name in ("asked", "commanded", "measured")}
-    binary, objects = snapshot(shown.spec, scene, record["support"], palms, reach_fields(shown.spec, shown.config))
+    binary, objects = snapshot(shown.spec, scene, _stood_on(record), palms, reach_fields(shown.spec, shown.config))
     arrays = {
         "time": frames.times - shown.since,
         "qpos": in_mujoco(conversion, model, frames.of_column("q"), frames.of_column("objects")),
@@ -116,6 +117,14 @@ def page(shown: Shown) -> str:
     }
     data = {"code": _code(), "scene": binary, "arrays": zlib.compress(blob, 9)}
     return _filled("page.html", shown.verdict.name, about, {name: _text(part) for name, part in data.items()})
+
+
+def _stood_on(record: Record) -> list[np.ndarray]:
+    """What the robot stood on, as polygons (c, 2) [m]: between both feet, or each footprint of one that makes steps."""
+    prints = record.footprints()
+    if len(prints) <= len(SIDES):
+        return [convex_polygon(record["soles"][0]).vertices]
+    return [convex_polygon(one.corners).vertices for one in prints]
 
 
 def _filled(template: str, title: str, about: dict[str, Any], data: Mapping[str, str]) -> str:

@@ -3,11 +3,12 @@
 import subprocess
 import sys
 
+import imageio.v3
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tests.support.recordings import made_record
+from tests.support.recordings import made_record, stepped_record
 from wholebody.sim.pictures import plot as plotting
 from wholebody.sim.pictures.plot import plot
 
@@ -70,6 +71,16 @@ def test_a_plan_is_a_point_with_its_time_beside_the_lead(record):
     points, lead = beside.get_lines()
     assert points.get_ydata() == pytest.approx([40.0, 60.0])
     assert lead.get_ydata()[0] == 100.0
+
+
+def test_a_robot_that_makes_steps_is_seen_from_above(tmp_path):
+    axes = panel(lambda axes, record, time: plotting._from_above(axes, record), stepped_record())
+    assert [text.get_text().splitlines()[0] for text in axes.texts] == ["0", "0", "1"]
+    heights = []
+    for name, record in (("stands", made_record(30)), ("steps", stepped_record())):
+        plot(record, tmp_path / f"{name}.png")
+        heights.append(imageio.v3.imread(tmp_path / f"{name}.png").shape[0])
+    assert heights[0] < heights[1]
 
 
 def test_matplotlib_is_loaded_only_to_plot():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.recordings import SQUARE, made_record
+from tests.support.recordings import SQUARE, made_record, stepped_record
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.sim.pictures.scene import STATUS_COLOUR, MarkKind, Scene, Show, scene_at
 from wholebody.types import Reason, Status
@@ -65,6 +65,13 @@ def test_c7_support_pressure_and_capture_point_lie_on_the_floor_one_over_the_oth
     assert area.points[:, :2] == pytest.approx(convex_polygon(SQUARE).vertices)
     assert pressure.points[0, :2].tolist() == [0.06, 0.0]
     assert 0.0 < area.points[0, 2] < capture.points[0, 2] < pressure.points[0, 2] < 0.01
+
+
+def test_the_support_goes_with_the_feet():
+    before, swings, after = (scene_at(stepped_record(), row).support.vertices for row in (0, 15, 25))
+    assert before[:, 0].max() == pytest.approx(0.05)
+    assert swings[:, 1].max() == pytest.approx(-0.05)
+    assert after[:, 0].max() == pytest.approx(0.25)
 
 
 def test_c7_status_and_reason_and_the_numbers_are_said_in_words():
