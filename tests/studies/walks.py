@@ -4,6 +4,7 @@
     python -m tests.studies.walks speeds 0 1
     python -m tests.studies.walks stops 0 20
     python -m tests.studies.walks pushes 0 8 --impulse 8
+    python -m tests.studies.walks grounds 0 1 --ground "2 cm" "friction 0.5"
 
 The numbers are those of seeds, of directions for pushes; the last line has medians and worst. The robot has 43 joints.
 """
@@ -12,7 +13,7 @@ import argparse
 
 import numpy as np
 
-from tests.support.walks import START, rms, walk
+from tests.support.walks import GROUNDS, START, rms, walk
 from wholebody.walking.places import Velocity
 
 SPEEDS = {
@@ -54,6 +55,16 @@ def speeds(seeds, realistic, **_):
             yield f"{name}, {seed}", walk(told(velocity, stop), stop + AFTER, seed=seed if realistic else None), stop
 
 
+def grounds(seeds, realistic, ground, **_):
+    """Walks at some speeds where it is told nothing of the floor, or of what it holds."""
+    for where in ground or GROUNDS:
+        for name in ("0.3 ahead", "0.2 back", "0.15 aside", "0.3, 0.3 rad/s"):
+            for seed in seeds:
+                stop, seeded = START + WALKING, seed if realistic else None
+                one = walk(told(SPEEDS[name], stop), stop + AFTER, seed=seeded, ground=where)
+                yield f"{where}: {name}, {seed}", one, stop
+
+
 def stops(seeds, realistic, **_):
     for seed in seeds:
         rng = np.random.default_rng(seed)
@@ -79,15 +90,16 @@ def pushes(seeds, realistic, impulse, **_):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("spot", "speeds", "stops", "pushes"))
+    parser.add_argument("what", choices=("spot", "speeds", "stops", "pushes", "grounds"))
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
     parser.add_argument("--realistic", action="store_true", help="seeds of realistic worlds, the state estimated")
     parser.add_argument("--impulse", type=float, default=8.0, help="of a push [N s]")
+    parser.add_argument("--ground", nargs="+", choices=GROUNDS, help="grounds to walk on; all if not given")
     given = parser.parse_args()
-    runs = {"spot": spot, "speeds": speeds, "stops": stops, "pushes": pushes}[given.what]
+    runs = {"spot": spot, "speeds": speeds, "stops": stops, "pushes": pushes, "grounds": grounds}[given.what]
     found = []
-    for name, one, stop in runs(range(given.first, given.last), given.realistic, impulse=given.impulse):
+    for name, one, stop in runs(range(given.first, given.last), given.realistic, impulse=given.impulse, ground=given.ground):
         off = 1e3 * one.errors[250:]
         row = (rms(off), off.max(), off[-1], one.stopped - stop, one.made)
         found.append((one.fell is not None, one.stands, *row))

@@ -1,10 +1,12 @@
 """Walks in MuJoCo by the native controller and a walker: what became of them."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from models import g1
+from tests.support.grounds import Ground, RealisticGround
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.estimation.state_estimator import StateEstimator
@@ -18,6 +20,14 @@ from wholebody.walking.gait import Phase
 
 START = 0.3
 """Time at which a walk is told to begin [s]."""
+GROUNDS = {
+    "2 cm": {"scene": str(Path(__file__).parent / "scenes" / "ring_of_2_cm.xml")},
+    "3 deg ahead": {"slope": np.deg2rad(3.0)},
+    "3 deg aside": {"slope": np.deg2rad(3.0), "direction": 0.5 * np.pi},
+    "friction 0.5": {"friction": 0.5},
+    "0.5 kg a hand": {"payload_kg": (0.5, 0.5)},
+}
+"""Worlds that a walk is told nothing of: a slab all around from 0.35 to 0.85 m, floors that rise, and others."""
 
 
 @dataclass
@@ -47,14 +57,23 @@ class Walked:
     heading: float
 
 
-def worlds(seed, spec):
-    """The realistic robot of a seed and what its controller is told of it."""
+def worlds(seed, spec, ground=None):
+    """The realistic robot of a seed, on a ground of `GROUNDS`, and what its controller is told of it."""
     readings = replace(REALISTIC_READINGS, seed=seed)
     sensors = Sensors(spec, readings, 0.002, StateEstimator(spec))
-    return RealisticPlant(spec, replace(REALISTIC_ROBOT, seed=seed), encoders=sensors), sensors
+    world = dict(GROUNDS.get(ground, {}))
+    errors = replace(REALISTIC_ROBOT, seed=seed, floor_friction=world.pop("friction", REALISTIC_ROBOT.floor_friction))
+    kind = RealisticGround if "slope" in world else RealisticPlant
+    return kind(spec, errors, encoders=sensors, **world), sensors
 
 
-def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, timestep=0.002, look=None, plant=None):
+def true_plant(spec, ground=None, timestep=0.002):
+    """The robot as its model is, on a ground of `GROUNDS`."""
+    world = GROUNDS.get(ground, {})
+    return (Ground if "slope" in world else MujocoPlant)(spec, timestep=timestep, **world)
+
+
+def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, timestep=0.002, look=None, ground=None):
     """Walk for some time.
 
     Args:
@@ -66,18 +85,16 @@ def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, tim
         gait: Times and lengths.
         timestep: Of the physics [s].
         look: Called with walker, plant and state after each tick.
-        plant: Another one than that of the seed.
+        ground: Of `GROUNDS`; a level floor of friction 0.8, or 0.6 in a realistic world, if not given.
     """
     spec = g1()
     sensors = None
     if seed is not None:
-        plant, sensors = worlds(seed, spec)
-    elif estimated:
-        plant, sensors = (
-            MujocoPlant(spec),
-            Sensors(spec, replace(REALISTIC_READINGS, **_CLEAN), 0.002, StateEstimator(spec)),
-        )
-    plant = plant or MujocoPlant(spec, timestep=timestep)
+        plant, sensors = worlds(seed, spec, ground)
+    else:
+        plant = true_plant(spec, ground, timestep)
+    if estimated:
+        sensors = Sensors(spec, replace(REALISTIC_READINGS, **_CLEAN), 0.002, StateEstimator(spec))
     state = plant.reset()
     if sensors is not None:
         sensors.reset()

@@ -2,8 +2,8 @@
 
 import pytest
 
-from wholebody.walking.catch import choose
-from wholebody.walking.footsteps import LEFT, box
+from wholebody.walking.catch import SHIFTS, choose
+from wholebody.walking.footsteps import LEFT, RIGHT, box
 from wholebody.walking.gait import Gait
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
@@ -23,6 +23,14 @@ def test_a_foot_may_be_set_down_further_out_than_it_need_be():
 
 def test_no_step_catches_what_runs_away_beyond_the_sole_that_would_carry():
     assert choose(-0.25j, OMEGA, STAND, SOLE, GAIT) is None
+
+
+@pytest.mark.parametrize("foot", [LEFT, RIGHT])
+def test_a_foot_is_lifted_at_once_where_a_shift_of_the_weight_has_to_lead_far(foot):
+    """Pushed back and aside by 15 N s, at 135 degrees, the robot shifted its weight, its trunk leant, and it fell."""
+    step = choose(complex(-0.065, 0.06 if foot == RIGHT else -0.06), OMEGA, STAND, SOLE, GAIT)
+    assert step is not None
+    assert (step.foot, step.gait.shift) == (foot, SHIFTS[0])
 
 
 @pytest.mark.parametrize("way", [0.11, -0.11])
