@@ -7,8 +7,9 @@ from wholebody.walking.footsteps import LEFT, RIGHT, box
 from wholebody.walking.gait import Gait
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
+from wholebody.walking.readings import WalkReadings
 from wholebody.walking.swing import EARLY, Swing
-from wholebody.walking.walk import FOOT_ACCELERATION, PEAK, Walk, WalkReadings
+from wholebody.walking.walk import FOOT_ACCELERATION, PEAK, Walk
 
 SOLE, OMEGA, GAIT = Sole(0.073, 0.019), 3.8, Gait()
 STAND = Place(0.119j, 0.0), Place(-0.119j, 0.0)

@@ -9,7 +9,7 @@ import pytest
 
 from wholebody.walking.footsteps import LEFT, RIGHT, base_of, beside, box, closed, footsteps
 from wholebody.walking.gait import Gait
-from wholebody.walking.guide import Guide
+from wholebody.walking.guide import AWAY, COMING, Guide
 from wholebody.walking.places import Place, Velocity, moved
 
 GAIT, WIDTH = Gait(), 0.24
@@ -84,6 +84,23 @@ def test_what_is_foreseen_of_a_base_is_where_it_goes():
             guide.advance(0.002)
             now += 0.002
         assert abs(guide.place.point - place.point) < 2e-3
+
+
+def test_a_base_comes_smoothly_after_a_foot_that_is_far_from_its_place():
+    guide, speeds, way = Guide(START), [], 0.2 - 0.1j
+    guide.come_after(0.9 * AWAY)
+    assert guide.foresee([0.0]) == [(START, True)]
+    guide.come_after(way)
+    (base, _), *_ = guide.foresee([0.0])
+    assert abs(base.point - START.point - way) < 1e-12
+    for _ in range(1500):
+        before, (told, _) = guide.place.point, guide.motion()
+        guide.come(0.002)
+        speeds.append(guide.motion()[0])
+        assert abs(guide.place.point - before - 0.002 * speeds[-1]) < 2e-6
+        assert abs(speeds[-1] - told) <= 0.002 * COMING**2 * abs(way) + 1e-3
+    assert speeds[-1] == 0.0
+    assert abs(guide.place.point - START.point - way) < 1e-3
 
 
 def test_a_base_goes_to_its_goal_and_stays():

@@ -16,7 +16,8 @@ from wholebody.walking.gait import TABLE, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place, Velocity
 from wholebody.walking.pressure import Sole, between, on
-from wholebody.walking.walk import Walk, WalkReadings
+from wholebody.walking.readings import WalkReadings
+from wholebody.walking.walk import WAITS, Walk
 
 OMEGA, DT, SOLE = 3.85, 0.002, Sole(0.073, 0.019)
 
@@ -133,6 +134,43 @@ def test_a_pushed_pendulum_is_caught_by_its_steps():
     unadjusted.dcm += 0.03j
     with pytest.raises(AssertionError, match="fell"):
         unadjusted.run(6.0)
+
+
+def test_the_base_comes_after_feet_that_had_to_step_aside():
+    """Pushed ahead by 10 N s while on the spot, the robot went back all of a long step in the next one, and fell."""
+    one = Pendulum()
+    one.walk.marches = True
+    one.run(2.7)
+    one.dcm += 0.1
+    lengths = []
+    for _ in range(3):
+        made = one.walk.made
+        while one.walk.made == made:
+            one.run(DT)
+        stance, foot = one.walk.soles[one.walk.stance], one.walk.soles[1 - one.walk.stance]
+        lengths.append(abs(stance.seen(foot.point).real))
+    assert lengths[0] > 0.1
+    assert max(lengths[1:]) < 0.5 * lengths[0]
+    one.run(4.0)
+    assert abs(one.walk.guide.place.point - one.dcm) < 0.1
+
+
+@pytest.mark.parametrize(("share", "waits"), [(0.5, True), (1.5, False)])
+def test_a_foot_is_lifted_once_the_pressure_of_both_has_done_what_it_can(share, waits):
+    """Pushed back by 10 N s on the spot, the robot fell from a foot that was lifted before."""
+    one = Pendulum()
+    one.walk.guide.follow(Velocity(0.4 + 0j))
+    one.run(4.0)
+    while one.walk.state is not Phase.LAND:
+        one.run(DT)
+    stance, foot = one.walk.soles[one.walk.stance], one.walk.soles[1 - one.walk.stance]
+    one.dcm = foot.point + share * (stance.point - foot.point)
+    begin = one.time
+    while one.walk.state is Phase.LAND:
+        one.walk.advance(one.seen(), DT)
+        one.time += DT
+    took = one.time - begin
+    assert 2.0 * one.walk.gait.double < took < WAITS + 3 * DT if waits else took < one.walk.gait.double + 3 * DT
 
 
 def test_a_landing_is_not_put_off_again_and_again():

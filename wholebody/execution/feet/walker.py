@@ -22,8 +22,9 @@ from wholebody.walking.catch import Catch, choose
 from wholebody.walking.gait import Gait, Phase
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
+from wholebody.walking.readings import WalkReadings
 from wholebody.walking.swing import Course, Swing
-from wholebody.walking.walk import Walk, WalkReadings
+from wholebody.walking.walk import Walk
 
 EDGE = (0.012, 0.006)
 """Distance of the zero-moment point from the edges of a sole, ahead and to the side [m]; chosen: the sole's own
