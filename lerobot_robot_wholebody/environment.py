@@ -118,9 +118,9 @@ class G1Env(gymnasium.Env):
         )
 
     def _observation(self) -> dict[str, Any]:
-        observation = self._seen.observation
-        shown = self._task.shown(self._seen, self._numbers.palms(observation))
-        numbers = self._numbers.state(observation) | shown
+        observation, about = self._seen.observation, self._numbers
+        shown = self._task.shown(observation, about.anchor(observation), about.palms(observation))
+        numbers = about.state(observation) | shown
         found: dict[str, Any] = {
             "agent_pos": np.array([*numbers.values()], dtype=np.float32),
             "environment_state": np.array([*shown.values()], dtype=np.float32),

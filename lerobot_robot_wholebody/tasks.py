@@ -11,9 +11,13 @@ import numpy as np
 from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
 from models.places import BUTTON_TRAVEL, ON_TABLE
 from policy.action_spec.anchor import Anchor
+from policy.learned.place import SPOT, SPREAD, drawn, off_spot
 from policy.learned.reach import REACHED, goals_of
+from policy.learned.things import shown_of, thing_in_stance
+from policy.observation import Observation
 from policy.scripted.contact import lift_carton, press
 from policy.scripted.library import grasp, hand_over
+from policy.scripted.place import place
 from policy.scripted.policy import ScriptedPolicy
 from wholebody.live.served.messages import Seen
 
@@ -50,8 +54,8 @@ class RobotTask(Protocol):
     def objects(self, usual: np.ndarray) -> np.ndarray | None:
         """Poses (k, 7) of the scene's bodies at the beginning, given the usual ones; None: as they are."""
 
-    def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
-        """Its numbers by name, in the stance, given both palms there (2, 3)."""
+    def shown(self, observation: Observation, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
+        """Its numbers by name, in the stance of an anchor, given both palms there (2, 3)."""
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
         """Where the balls are in world, (3,) each [m]."""
@@ -90,7 +94,7 @@ class Reach:
         """None are its own."""
         return None
 
-    def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
+    def shown(self, observation: Observation, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
         """The way from each palm to its goal: a policy learns from fewer goals where to go than from their places."""
         return dict(zip(self.names, (self.goals - palms).ravel().tolist(), strict=True))
 
@@ -111,8 +115,7 @@ class Moved:
     Attributes:
         scene: Around the robot; its first body is moved.
         words: What a policy is told.
-        way: Axis along which it is to be moved in world.
-        least: How far [m].
+        far: How far from done it is [m], given where it was and is, (3,) each, and both palms, (2, 3); as `RobotTask`.
         script: Motion of an expert, given how far ahead and to the left of its usual place it stands [m].
         spread: How far that is at most, both ways [m].
         held: Steps for which it must be there.
@@ -121,8 +124,7 @@ class Moved:
 
     scene: str
     words: str
-    way: tuple[float, float, float]
-    least: float
+    far: Callable[[np.ndarray, np.ndarray, np.ndarray], float]
     script: Callable[[np.ndarray], ScriptedPolicy]
     spread: tuple[float, float] = (0.0, 0.0)
     held: int = 10
@@ -155,7 +157,7 @@ class Thing:
 
     def draw(self, rng: np.random.Generator) -> None:
         """Draw another place from somebody's numbers."""
-        self.off = rng.uniform(-1.0, 1.0, 2) * self._about.spread
+        self.off = drawn(rng, self._about.spread)
 
     def objects(self, usual: np.ndarray) -> np.ndarray:
         """The usual poses, the first body moved aside."""
@@ -168,42 +170,55 @@ class Thing:
         """Motion of an expert."""
         return self._about.script(self.off)
 
-    def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
-        """Where it is, and the way to it from each palm; world and stance are the same to a robot whose feet stay."""
-        at = seen.objects[0, :3]
-        return dict(zip(self.names, [*at.tolist(), *(at - palms).ravel().tolist()], strict=True))
+    def shown(self, observation: Observation, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
+        """Where it is, and the way to it from each palm."""
+        return dict(zip(self.names, shown_of(thing_in_stance(observation, anchor), palms).tolist(), strict=True))
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
         """No balls: it is seen itself."""
         return []
 
     def far(self, seen: Seen, palms: np.ndarray) -> float:
-        """How much further it is to be moved [m]; all of it if it is tilted by more than `TILT`."""
-        thing = seen.objects[0]
+        """How far from done it is [m]; at least as far as at first if it is tilted by more than `TILT`."""
+        thing, begin = seen.objects[0], self._begin[:3]
         upright = 1.0 - 2.0 * (thing[4] ** 2 + thing[5] ** 2)  # of a quaternion wxyz, its axis' z
-        moved = float(np.array(self._about.way) @ (thing[:3] - self._begin[:3]))
-        return self._about.least - (moved if upright >= np.cos(TILT) else min(moved, 0.0))
+        far = self._about.far(begin, thing[:3], palms)
+        return far if upright >= np.cos(TILT) else max(far, self._about.far(begin, begin, palms))
 
 
 def _grasped(off: np.ndarray) -> ScriptedPolicy:
     return grasp((ON_TABLE[0] + off[0], ON_TABLE[1] + off[1], ON_TABLE[2] + 0.08), around=True)
 
 
+def _placed(off: np.ndarray) -> ScriptedPolicy:
+    up = np.array([0.0, 0.0, 0.08])
+    return place(np.add(ON_TABLE, (*off, 0.0)) + up, np.array([*SPOT, ON_TABLE[2]]) + up)
+
+
+def _moved(way: tuple[float, float, float], least: float) -> Callable[[np.ndarray, np.ndarray, np.ndarray], float]:
+    """Far from moved along an axis of the world, by how much at least [m]."""
+    return lambda begin, at, palms: least - float(np.array(way) @ (at - begin))
+
+
 UP, IN = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 THINGS = {
     "pick": Moved(
-        scene="table_cylinder", words="pick up the cylinder", way=UP, least=0.06, script=_grasped, spread=(0.02, 0.04)
+        scene="table_cylinder", words="pick up the cylinder", far=_moved(UP, 0.06), script=_grasped, spread=SPREAD
+    ),
+    "place": Moved(
+        scene="table_cylinder", words="put the cylinder on the spot before you", far=off_spot, script=_placed,
+        spread=SPREAD, steps=420,
     ),
     "lift": Moved(
-        scene="table_carton", words="lift the carton with both hands", way=UP, least=0.06,
+        scene="table_carton", words="lift the carton with both hands", far=_moved(UP, 0.06),
         script=lambda off: lift_carton((off[0], off[1])), spread=(0.02, 0.02), steps=360,
     ),
     "press": Moved(
-        scene="button", words="press the button", way=IN, least=BUTTON_TRAVEL, script=lambda _: press(), held=1,
+        scene="button", words="press the button", far=_moved(IN, BUTTON_TRAVEL), script=lambda _: press(), held=1,
         steps=210,
     ),
     "hand_over": Moved(
-        scene="table_flask", words="hand over the flask", way=UP, least=0.15, script=lambda _: hand_over(), held=30,
+        scene="table_flask", words="hand over the flask", far=_moved(UP, 0.15), script=lambda _: hand_over(), held=30,
         steps=390,
     ),
 }  # fmt: skip

@@ -172,11 +172,11 @@ class WholebodyG1(Robot):
         return self.seen.status[1] == "not_cleared"
 
     def _observed(self) -> dict[str, Any]:
-        seen, task = self.seen, self.task
-        self.observation = self.numbers.state(seen.observation)
+        seen, task, now = self.seen, self.task, self.seen.observation
+        self.observation = self.numbers.state(now)
         if task:
-            self.observation |= task.shown(seen, self.numbers.palms(seen.observation))
-        marks = task.in_world(self.numbers.anchor(seen.observation)) if task else []
+            self.observation |= task.shown(now, self.numbers.anchor(now), self.numbers.palms(now))
+        marks = task.in_world(self.numbers.anchor(now)) if task else []
         self.observation |= self._cameras.look(seen, marks)
         return self.observation
 

@@ -17,6 +17,9 @@ class Policy(Protocol):
         spec: Layout of the raw actions behind the chunks.
         sees_robot: Whether `infer` uses the robot's state. If so, chunks are anchored at the pelvis measured in the
             observation; if not, at the nominal stance, once an episode.
+
+    One that also has ``sees_objects = True`` is told where the scene's things are, in `Observation.objects`; one that
+    has ``arranged`` says by it where they are at first, given their usual poses (k, 7).
     """
 
     spec: ActionSpec

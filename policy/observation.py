@@ -26,6 +26,8 @@ class Observation:
         T_world_base: Measured pelvis in world, shape (4, 4).
         images: Camera name to image, uint8, shape (height, width, 3), RGB.
         task: What to do, in words.
+        objects: Poses of the scene's bodies that move, in world: position [m] and quaternion wxyz, shape (k, 7), in the
+            scene's order; None where nobody tells them.
     """
 
     time: float
@@ -35,6 +37,7 @@ class Observation:
     T_world_base: np.ndarray
     images: Mapping[str, np.ndarray] = field(default_factory=lambda: MappingProxyType({}))
     task: str = ""
+    objects: np.ndarray | None = None
 
     def validate(self, robot: RobotSpec | None = None) -> None:
         """Check shapes, those of a robot (of the G1 with Dex3 hands if None), finiteness and the pelvis rotation.
@@ -56,6 +59,8 @@ class Observation:
         residual = rotation_residual(self.T_world_base[:3, :3])
         if not residual <= 1e-6:
             raise ObservationError(f"T_world_base has no rotation (residual {residual:.2g} > 1e-6)")
+        if (objects := self.objects) is not None and not (np.shape(objects)[1:] == (7,) and np.isfinite(objects).all()):
+            raise ObservationError(f"objects have shape {np.shape(objects)}; finite poses of shape (k, 7) are expected")
         for name, image in self.images.items():
             if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
                 raise ObservationError(

@@ -27,8 +27,10 @@ def arrays_of(policy: Any, stats: dict[str, dict[str, Any]]) -> dict[str, np.nda
         raise ValueError(f"it reads {', '.join(config.input_features)}; {STATE} and {SHOWN} are expected")
     if wrong := [name for name, value in EXPECTED.items() if getattr(config, name) != value]:
         raise ValueError(f"{wrong[0]} is {getattr(config, wrong[0])}; {EXPECTED[wrong[0]]} is expected")
-    if other := [kind for kind, mode in config.normalization_mapping.items() if mode.value != "MEAN_STD"]:
-        raise ValueError(f"{other[0]} is normalised by {config.normalization_mapping[other[0]].value}; not MEAN_STD")
+    modes = {kind: config.normalization_mapping.get(kind) for kind in ("STATE", "ENV", "ACTION")}
+    if other := [kind for kind, mode in modes.items() if mode is None or mode.value != "MEAN_STD"]:
+        found = modes[other[0]].value if modes[other[0]] else "nothing"
+        raise ValueError(f"{other[0]} is normalised by {found}; not MEAN_STD")
     weights = {name.removeprefix("model."): value for name, value in policy.state_dict().items()}
     arrays = {
         name: value.detach().cpu().float().numpy() for name, value in weights.items() if not name.startswith(LEFT_OUT)
@@ -36,6 +38,19 @@ def arrays_of(policy: Any, stats: dict[str, dict[str, Any]]) -> dict[str, np.nda
     for key in (STATE, SHOWN, ACTION):
         arrays |= {f"{key}.{name}": np.array(stats[key][name], dtype=float) for name in ("mean", "std")}
     return arrays | {HEADS: np.array(config.n_heads)}
+
+
+def write(file: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write arrays to a file, and tell its size.
+
+    Raises:
+        SystemExit: If it would not be read.
+    """
+    np.savez_compressed(file, **arrays)
+    size = file.stat().st_size
+    if size > FILE_MAX:
+        raise SystemExit(f"{file} has {size} bytes; at most {FILE_MAX} are read")
+    print(f"wrote {file}, {size / 1e6:.2f} MB")
 
 
 def main() -> None:
@@ -51,11 +66,7 @@ def main() -> None:
 
     policy = ACTPolicy.from_pretrained(given.checkpoint)
     before, _ = make_pre_post_processors(policy.config, pretrained_path=str(given.checkpoint))
-    np.savez_compressed(given.file, **arrays_of(policy, normaliser(before).stats))
-    size = given.file.stat().st_size
-    if size > FILE_MAX:
-        raise SystemExit(f"{given.file} has {size} bytes; at most {FILE_MAX} are read")
-    print(f"wrote {given.file}, {size / 1e6:.2f} MB")
+    write(given.file, arrays_of(policy, normaliser(before).stats))
 
 
 if __name__ == "__main__":

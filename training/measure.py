@@ -20,8 +20,8 @@ def done(states: np.ndarray, names: Sequence[str], task: str) -> bool:
     if task == "reach":
         ways = [[names.index(f"to_goal_{side}_{axis}.pos") for axis in "xyz"] for side in SIDES]
         return bool(np.linalg.norm(states[-1][ways], axis=1).max() <= REACHED)
-    about = THINGS[task]
     first, here = (
         np.array([row[names.index(f"object_{axis}.pos")] for axis in "xyz"]) for row in (states[0], states[-1])
     )
-    return bool((here - first) @ np.array(about.way) >= about.least)
+    ways = [[names.index(f"to_object_{side}_{axis}.pos") for axis in "xyz"] for side in SIDES]
+    return THINGS[task].far(first, here, here - states[-1][ways]) <= 0.0

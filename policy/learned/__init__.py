@@ -1,4 +1,4 @@
-"""A policy that was learned, and runs without what it was learned with."""
+"""Policies that were learned, and run without what they were learned with."""
 
-LEARNED = "learned"
-"""What a command line calls it."""
+NAMES = LEARNED, LEARNED_PLACE = "learned", "learned_place"
+"""What a command line calls the one that reaches, and the one that puts something down."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature
 from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.policies.act.modeling_act import ACTPolicy
 
@@ -24,6 +24,7 @@ from lerobot_robot_wholebody.wholebody_expert import Hands, _Points
 from policy.action_spec.anchor import Anchor
 from policy.dataset.stats import statistics, widened
 from policy.geometry.se3 import inverse, make_transform
+from training.export import arrays_of
 from training.loop import ACT, RATE, RECORDINGS
 from training.shown import LEAST
 
@@ -117,6 +118,7 @@ class Trained:
             device="cpu", use_vae=False, **{name: ACT[name] for name in NETWORK}, n_action_steps=ACT["chunk_size"],
             input_features={key: PolicyFeature(kind, rows[key].shape[1:]) for key, kind in kinds.items()},
             output_features={ACTION: PolicyFeature(FeatureType.ACTION, rows[ACTION].shape[1:])},
+            normalization_mapping=dict.fromkeys(("STATE", "ENV", "ACTION"), NormalizationMode.MEAN_STD),
         )  # fmt: skip
         self._policy, lengths = ACTPolicy(config), [len(one[ACTION]) for one in episodes]
         ends = np.repeat(np.cumsum(lengths), lengths)
@@ -143,6 +145,10 @@ class Trained:
             loss.backward()
             torch.nn.utils.clip_grad_norm_(policy.parameters(), 10.0)
             optimizer.step()
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What `policy.learned.act.ActNetwork` runs."""
+        return arrays_of(self._policy, {key: {"mean": mean, "std": std} for key, (mean, std) in self._scale.items()})
 
     def chunks(self, state: np.ndarray, shown: np.ndarray) -> np.ndarray:
         """Actions (n, H, 32) for rows of state and of what is shown of the task."""

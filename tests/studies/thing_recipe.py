@@ -15,6 +15,7 @@ import numpy as np
 
 from lerobot_robot_wholebody.environment import G1Env
 from tests.studies.reach_recipe import ACTION, SHOWN, STATE, Trained
+from training.export import write
 from training.loop import ACT
 from training.measure import done
 from training.replay import episodes
@@ -42,6 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("task")
+    parser.add_argument("--file", type=Path, help="where it is exported, as `training.export` does")
     for name, usual in (("steps", 2000), ("batch", 40), ("seed", 0), ("tries", 24)):
         parser.add_argument(f"--{name}", type=int, default=usual)
     given, begin = parser.parse_args(), time.process_time()
@@ -51,6 +53,8 @@ def main() -> None:
     rows = [{ACTION: actions, STATE: states, SHOWN: states[:, shown]} for actions, states in good]
     policy = Trained(rows, given.steps, given.batch, given.seed)
     print(f"trained on {len(good)} of {len(recorded)} episodes, {time.process_time() - begin:.0f} s of CPU", flush=True)
+    if given.file:
+        write(given.file, policy.arrays())
     env, ends = G1Env(task=given.task), []
     try:
         for seed in range(FIRST_SEED, FIRST_SEED + given.tries):

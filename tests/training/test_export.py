@@ -66,6 +66,10 @@ def test_a_checkpoint_is_exported_to_a_file_of_the_same_network(tmp_path, monkey
 def test_another_normalisation_is_refused():
     with pytest.raises(ValueError, match="MIN_MAX"):
         arrays_of(*trained(STATE=NormalizationMode.MIN_MAX))
+    policy, stats = trained()
+    del policy.config.normalization_mapping["ENV"]
+    with pytest.raises(ValueError, match="ENV is normalised by nothing"):
+        arrays_of(policy, stats)
 
 
 def test_a_file_that_lacks_weights_is_refused(tmp_path):

@@ -19,6 +19,7 @@ from lerobot.scripts.lerobot_record import RecordConfig
 from lerobot_robot_wholebody import WholebodyG1
 from lerobot_robot_wholebody.target import Numbers
 from lerobot_robot_wholebody.tasks import task_of
+from policy.learned.place import SPOT
 from training import loop, replay, shown
 from training.measure import done
 
@@ -111,11 +112,12 @@ def test_a_loop_ends_with_a_table_and_one_that_is_done_is_not_done_again(looped,
 
 
 @pytest.mark.regression
-def test_a_loop_of_real_processes_ends_with_a_table(tmp_path):
-    words = [sys.executable, "-m", "training.loop", "--out", str(tmp_path), *SMALL]
+@pytest.mark.parametrize("task", ["reach", "pick", "lift"])
+def test_a_loop_of_real_processes_ends_with_a_table(tmp_path, task):
+    words = [sys.executable, "-m", "training.loop", "--task", task, "--out", str(tmp_path), *SMALL]
     done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
-    table(tmp_path, done.stdout)
+    table(tmp_path, done.stdout, task)
     config = json.loads((tmp_path / "policy/checkpoints/last/pretrained_model/config.json").read_text())
     assert config["input_features"].keys() == {"observation.state", "observation.environment_state"}
     again = subprocess.run(words, capture_output=True, text=True, check=True, cwd=ROOT).stdout
@@ -123,16 +125,16 @@ def test_a_loop_of_real_processes_ends_with_a_table(tmp_path):
     assert "| policy, gate |" in again
 
 
-def table(folder, said):
+def table(folder, said, task="reach"):
     """Rows of a loop's table, which is what it said."""
     rows = json.loads((folder / "loop.json").read_text())["rows"]
-    assert rows.keys() == {"expert", "replay", "policy", "policy, gate"}
+    tries = {"expert": 1, "replay": 1} if task == "reach" else {"expert": 2}
+    assert {name: row["episodes"] for name, row in rows.items()} == tries | {"policy": 1, "policy, gate": 1}
     assert all(row["falls"] == 0 for row in rows.values())
-    assert [rows[name]["episodes"] for name in rows] == [1, 1, 1, 1]
     for name, row in rows.items():
         assert f"| {name} | {row['success']:.0f} %" in said
     features = json.loads((folder / "data/meta/info.json").read_text())["features"]
-    assert len(features["observation.environment_state"]["names"]) == 6
+    assert len(features["observation.environment_state"]["names"]) == len(task_of(task, 0).names)
     return rows
 
 
@@ -144,9 +146,24 @@ def test_a_reach_is_done_where_both_palms_are_at_their_goals():
 
 
 def test_a_thing_is_done_where_it_was_moved_far_enough():
-    names = [f"object_{axis}.pos" for axis in "xyz"]
-    assert done(np.array([[0.4, 0.1, 0.83], [0.4, 0.1, 0.90]]), names, "pick")
-    assert not done(np.array([[0.4, 0.1, 0.83], [0.5, 0.1, 0.88]]), names, "pick")
+    assert done(*told([0.4, 0.1, 0.83], [0.4, 0.1, 0.90], 0.06), "pick")
+    assert not done(*told([0.4, 0.1, 0.83], [0.5, 0.1, 0.88], 0.06), "pick")
+
+
+def told(first, last, away):
+    """States in which a thing goes from one place to another, and the palms are beside it; and their names."""
+    ways = [f"to_object_{side}_{axis}.pos" for side in ("left", "right") for axis in "xyz"]
+    names = [*(f"object_{axis}.pos" for axis in "xyz"), *ways]
+    return np.array([[*at, 0.0, -away, 0.0, 0.0, 0.3, 0.0] for at in (first, last)]), names
+
+
+def test_a_thing_is_put_down_where_it_stands_on_the_spot_and_no_hand_is_at_it():
+    first, spot = [0.42, 0.15, 0.83], [*SPOT, 0.83]
+    assert done(*told(first, spot, 0.15), "place")
+    assert not done(*told(first, spot, 0.06), "place")  # in the hand
+    assert not done(*told(first, [spot[0], spot[1], 0.90], 0.15), "place")
+    assert not done(*told(first, [spot[0] + 0.05, spot[1], 0.83], 0.15), "place")
+    assert not done(*told(first, first, 0.15), "place")
 
 
 def test_what_is_shown_of_a_task_is_what_the_robot_does_not_tell_of_itself():

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from policy.writing import OutputError
 from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
-from wholebody.cli.simulated import SCENE_OF, STEPS_OF, cameras_of, make_checker, make_fast_checker, settings_of
+from wholebody.cli.simulated import STEPS_OF, cameras_of, make_checker, make_fast_checker, scene_for, settings_of
 from wholebody.cli.sources import expanded, length, opened, tell
 from wholebody.resources import end_with_parent, processors
 
@@ -173,7 +173,7 @@ class InputJudge:
         return judge.answer(name)
 
     def _scene(self, name: str) -> str:
-        return self.simulation.scene or SCENE_OF.get(name, "floor")
+        return scene_for(name, self.simulation)
 
     def _failed(self, name: str, error: Exception) -> Answer:
         """Report the fault of an input; a fault of the options is raised again."""

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high, touch, wipe, press, "
-    "pull_drawer, turn_handle, lift_box, hand_over, walk_reach), learned (a policy in the package, learned#7 with the "
-    "goals of seed 7), chunk .npz, array .npy, motion .csv, folder of a LeRobot dataset or checkpoint, or address of "
-    "a policy server (ws://HOST:PORT)."
+    "pull_drawer, turn_handle, lift_box, hand_over, walk_reach), learned and learned_place (policies in the package, "
+    "learned#7 with what seed 7 draws), chunk .npz, array .npy, motion .csv, folder of a LeRobot dataset or "
+    "checkpoint, or address of a policy server (ws://HOST:PORT)."
 )
 
 JsonTo = Annotated[str, Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
@@ -30,10 +30,10 @@ VerdictsTo = Annotated[
 
 def completed_script(incomplete: str) -> list[str]:
     """Scripts that a shell offers where a source is typed; for anything else it offers files."""
-    from policy.learned import LEARNED
+    from policy.learned import NAMES as LEARNED
     from policy.scripted.library import SCRIPTS
 
-    return [name for name in (*SCRIPTS, LEARNED) if name.startswith(incomplete)]
+    return [name for name in (*SCRIPTS, *LEARNED) if name.startswith(incomplete)]
 
 
 def completed_layout(incomplete: str) -> list[str]:

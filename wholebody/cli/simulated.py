@@ -32,10 +32,16 @@ SCENE_OF = {
     "turn_handle": "door",
     "lift_box": "table_crate",
     "hand_over": "table_flask",
+    "learned_place": "table_cylinder",
 }
-"""Scenes of scripted policies that need more than the floor."""
+"""Scenes of policies that need more than the floor."""
 STEPS_OF = {"walk_reach": "reach"}
 """When the robot may step in scripted policies that need it; a settings file that says so stands above."""
+
+
+def scene_for(name: str, options: Simulation) -> str:
+    """Scene that an input is simulated in: what was asked for, or the one that it needs."""
+    return options.scene or SCENE_OF.get(name.partition("#")[0], "floor")
 
 
 def make_checker(

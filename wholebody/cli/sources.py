@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from policy.learned import LEARNED
+from policy.learned import NAMES as LEARNED
 from wholebody.cli.console import complain
 from wholebody.config.bounds import require_run
 
@@ -35,7 +35,7 @@ def open_source(
 ) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
 
-    ``learned`` is the policy in the package, ``learned#3`` the same with the goals of another seed.
+    ``learned`` and ``learned_place`` are the policies in the package, ``learned#3`` the same with another seed.
 
     Cameras of a policy see grey, since the simulation takes no pictures; the policy has a warning that says so.
 
@@ -67,10 +67,10 @@ def open_source(
         from policy.recorded.dataset_replay import open_episode
 
         return open_episode(folder, int(number), assume=assume, read_as=corrections, robot=robot)
-    if name == LEARNED or (folder == LEARNED and number.isdecimal()):
-        from policy.learned.reach import LearnedReach
+    if name in LEARNED or (folder in LEARNED and number.isdecimal()):
+        from policy.learned.library import learned_policy
 
-        return LearnedReach(int(number) if folder else 0, robot)
+        return learned_policy(folder or name, int(number) if folder else 0, robot)
     if is_checkpoint(name):
         from policy.lerobot.policy import LeRobotPolicy
 
@@ -117,6 +117,18 @@ def tell(policy: Policy, name: str) -> None:
         complain(f"{name}: {told}")
 
 
+def require_blind(policies: Mapping[str, Policy], where: str) -> None:
+    """Refuse policies that need to be told where things are.
+
+    Raises:
+        PolicyError: If one does.
+    """
+    from policy.errors import PolicyError
+
+    if told := [name for name, policy in policies.items() if getattr(policy, "sees_objects", False)]:
+        raise PolicyError(f"{told[0]} needs to be told where things are, which `wholebody {where}` does not: use run")
+
+
 def _warnings(policy: Policy, images: str) -> Iterator[Finding]:
     """A policy's warnings; of its cameras, only those that are not drawn see grey."""
     from policy.placeholder_cameras import blind
@@ -146,7 +158,7 @@ def length(policy: Policy, duration: float) -> float:
 def expanded(name: str, episodes: str) -> list[str]:
     """A dataset folder as one name an episode, ``FOLDER#3``, one of files as their names; anything else as it is.
 
-    The policy in the package has as many episodes as are asked for: goals of so many seeds.
+    A policy in the package has as many episodes as are asked for: what so many seeds draw.
 
     Args:
         name: What the user named.
@@ -155,10 +167,10 @@ def expanded(name: str, episodes: str) -> list[str]:
     Raises:
         DatasetError: If the dataset cannot be read, or the text names no episodes.
     """
-    if name == LEARNED and episodes:
+    if name in LEARNED and episodes:
         from policy.dataset.open import episode_numbers
 
-        return [f"{LEARNED}#{number}" for number in episode_numbers(episodes)]
+        return [f"{name}#{number}" for number in episode_numbers(episodes)]
     if not is_dataset(name):
         return [name] if is_checkpoint(name) else files(name) or [name]
     from policy.dataset.open import episode_numbers, open_dataset

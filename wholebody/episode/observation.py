@@ -20,6 +20,7 @@ def observation_of(
     state: RobotState,
     task: str = "",
     images: Mapping[str, np.ndarray] | None = None,
+    objects: np.ndarray | None = None,
 ) -> Observation:
     """Observation where there is no supervisor: the robot's model knows the order of the joints."""
     joints = state.q[7:][robot.pin_to_motor]
@@ -34,6 +35,7 @@ def observation_of(
         T_world_base=T,
         images=images or {},
         task=task,
+        objects=objects,
     )
 
 

@@ -61,6 +61,7 @@ def observe(
     task: str = "",
     images: Mapping[str, np.ndarray] | None = None,
     now: float | None = None,
+    objects: np.ndarray | None = None,
 ) -> Observation:
     """What a policy sees of the robot: the state that the controller would go on with, so no chunk begins at a glitch.
 
@@ -71,9 +72,10 @@ def observe(
         task: What to do, in words.
         images: Camera name to image, uint8, shape (height, width, 3).
         now: Present time on the clock of the states [s]; the state's own if not given.
+        objects: Poses of the scene's bodies that move, for policies that are told where things are, shape (k, 7).
     """
     state = supervisor.monitor.trusted(state, state.time if now is None else now)
-    return observation_of(spec, supervisor.robot, state, task, images)
+    return observation_of(spec, supervisor.robot, state, task, images, objects)
 
 
 def followed(supervisor: ChunkExecutor, now: float) -> Followed:
@@ -118,19 +120,19 @@ def run_episode(
         progress: Called about ten times a simulated second with the time and the end time [s].
 
     Raises:
-        TypeError: If an executor's clock is not a simulated one.
+        TypeError: If an executor's clock is not a simulated one, or the plant has no `place` that the policy needs.
     """
     config = config or EpisodeConfig()
     state, measure = plant.reset() if config.begin is None else plant.reset(config.begin), _measures(sensors)
-    measured = measure(state)
-    supervisor.reset(measured, state.time)
+    supervisor.reset(measured := measure(state), state.time)
     executor, clock = _executor(policy, config, supervisor.config.planning.lead)
+    _arrange(executor.policy, plant)
     meters = Meters(supervisor, plant, executor, config.settle + config.lead_in)
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
     until = config.settle + needed_until(executor.policy, duration)
 
     def seen() -> Observation:
-        return observe(plant.spec, supervisor, measured, config.task, config.cameras and config.cameras(), state.time)
+        return observe(plant.spec, supervisor, measured, config.task, *_around(config, executor, plant, state.time))
 
     if recorder is not None:
         recorder.begin(meters.result.orientation_free)
@@ -154,6 +156,23 @@ def run_episode(
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
     return meters.finish(supervisor)
+
+
+def _around(
+    config: EpisodeConfig, executor: Executor, plant: Plant, now: float
+) -> tuple[Mapping[str, np.ndarray] | None, float, np.ndarray | None]:
+    """Pictures, the time, and poses of the scene's things (k, 7) for a policy that is told of them."""
+    told = getattr(executor.policy, "sees_objects", False)
+    return config.cameras and config.cameras(), now, plant.objects() if told else None
+
+
+def _arrange(policy: Policy, plant: Plant) -> None:
+    """Put the scene's things where a policy draws them; most draw nothing."""
+    if (arranged := getattr(policy, "arranged", None)) is None:
+        return
+    if (put := getattr(plant, "place", None)) is None:
+        raise TypeError(f"a {type(plant).__name__} has no place(poses) to put things where the policy draws them")
+    put(arranged(plant.objects()))
 
 
 def _measures(sensors: Sensors | None) -> Callable[[RobotState], RobotState]:

@@ -43,7 +43,7 @@ def completed(inside, monkeypatch):
 
 def test_c8_the_shell_completes_commands_options_scripts_and_layouts(completed, inside, monkeypatch):
     assert {"run", "check", "layouts", "spec", "serve-policy"} <= set(completed("wholebody "))
-    assert set(completed("wholebody run ")) == {*SCRIPTS, "learned"}
+    assert set(completed("wholebody run ")) == {*SCRIPTS, "learned", "learned_place"}
     assert completed("wholebody layouts wbc") == [name for name in LAYOUTS if name.startswith("wbc")]
     assert "--strict" in completed("wholebody run --str")
     assert "--install-completion" in inside("--help").stdout

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from models.scenes import SCENES
+from policy.learned import NAMES as LEARNED
 from policy.scripted.library import SCRIPTS
 from tests.support.commands import wholebody
 from tests.support.hostile_files import write_scene
@@ -78,7 +79,7 @@ def test_c5_a_scene_that_is_refused_ends_with_code_2_and_a_sentence(inside, tmp_
 
 
 def test_scripts_that_need_a_scene_get_it():
-    assert set(SCENE_OF) <= set(SCRIPTS)
+    assert set(SCENE_OF) <= {*SCRIPTS, *LEARNED}
     assert set(SCENE_OF.values()) <= set(SCENES)
 
 

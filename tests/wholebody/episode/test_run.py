@@ -55,6 +55,14 @@ def worst(result, field):
     return max(getattr(seam, field) for seam in result.seams)
 
 
+@pytest.mark.parametrize("asks", [True, False])
+def test_where_things_are_is_told_to_those_who_ask(robot, asks):
+    policy = Reaching()
+    policy.sees_objects = asks
+    run_episode(policy, *robot, duration=0.1, config=EpisodeConfig(settle=0.1, hold=0.0))
+    assert (policy.asked[0].objects is not None) == asks
+
+
 def run_faulty(robot, fault, *, horizon, at, after, settings):
     """A fault from some time on, and how the robot stands that long after it [s]."""
     policy = FaultyPolicy(at_50_hz(scripted_policy("wave"), horizon=horizon), fault, at)

@@ -71,7 +71,7 @@ def live(
     from policy.scripted.library import scripts_of
     from policy.targets.dragged_hands import DraggedHands
     from wholebody.cli.simulated import check_times
-    from wholebody.cli.sources import length, opened
+    from wholebody.cli.sources import length, opened, require_blind
     from wholebody.config.description import describe
     from wholebody.live.page_process import PageProcess
     from wholebody.live.robot_process import RobotProcess, World
@@ -84,6 +84,7 @@ def live(
     settings = _settings(around)
     named = sources or (["wave"] if shown.headless else [])
     policies = {name: opened(name, given, settings.robot, **sampling.choices()) for name in named}
+    require_blind(policies, "live")
     seconds = length(policies[named[0]], given.duration) if shown.headless else given.duration or None
     asking, world = ExecutorConfig(replace_every=around.replace_every), World(describe(settings.robot), around.scene)
     quiet, page, drives = json_to == "-", None, layout_robot(world.robot)

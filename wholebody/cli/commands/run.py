@@ -29,13 +29,13 @@ from wholebody.cli.options import (
     completed_script,
 )
 from wholebody.cli.simulated import (
-    SCENE_OF,
     STEPS_OF,
     cameras_of,
     check_settings,
     check_times,
     make_checker,
     make_executor,
+    scene_for,
     settings_of,
 )
 from wholebody.cli.sources import expanded, length, opened, tell
@@ -65,7 +65,7 @@ def run(
     choices |= {"rtc": asking.real_time_chunking}
     policies = [opened(name, given, robot, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
-    scene, verdicts = simulation.scene or SCENE_OF.get(source, "floor"), []
+    scene, verdicts = scene_for(source, simulation), []
     checker = make_checker(simulation, scene, quiet, follow, STEPS_OF.get(source, "never"))
     recorder = checker.recorder() if pictures.wanted() else None
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict

@@ -12,7 +12,7 @@ from typer import Argument, Option
 
 from wholebody.cli.console import complain, say
 from wholebody.cli.options import SOURCES, AssumeSpec, Fps, RealTimeChunking, RenameMap, Sampling, completed_script
-from wholebody.cli.sources import layout_named, open_source
+from wholebody.cli.sources import layout_named, open_source, require_blind
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ def serve_policy(
             complain(finding.sentence)
     else:
         policy = open_source(source, fps, layout_named(assume_spec))
+        require_blind({source: policy}, "serve-policy")
     with PolicyServer(policy, host=host, port=port, keys=keys) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
 from typing import Literal
 
@@ -83,15 +83,18 @@ class Seen:
     """View of robot and world.
 
     Attributes:
-        observation: State of the robot; its time is the robot's own.
-        objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
+        observation: State of the robot, and where things are; its time is the robot's own.
         status: What the controller says of itself, and why, in one word each.
         fallen: Whether standing was lost.
         followed: Time of the robot up to which the targets are followed: what was said later is under way, or held [s].
     """
 
     observation: Observation
-    objects: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     status: tuple[str, str] = ("", "")
     fallen: bool = False
     followed: float = -inf
+
+    @property
+    def objects(self) -> np.ndarray:
+        """Position and quaternion wxyz of the scene's bodies that move, shape (k, 7)."""
+        return self.observation.objects

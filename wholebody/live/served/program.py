@@ -43,10 +43,10 @@ class ServedLoop(Protocol):
 def seen_by(loop: ControlLoop, objects: np.ndarray, fallen: bool) -> Seen:
     """What a loop has to show now, beside the poses of the scene's bodies (k, 7) and whether standing was lost."""
     supervisor = loop.supervisor
-    observation = observe(loop.spec, supervisor, loop.state, now=loop.clock.now())
+    observation = observe(loop.spec, supervisor, loop.state, now=loop.clock.now(), objects=objects)
     status, chunk = supervisor.status, supervisor.chunk
     names = (status.status.value, str(status.reason or ""))
-    return Seen(observation, objects, names, fallen, -inf if chunk is None else float(chunk.t_obs))
+    return Seen(observation, names, fallen, -inf if chunk is None else float(chunk.t_obs))
 
 
 class RemoteProgram:
