@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from policy.action_spec.slot import DEX1_OPEN
+from policy.action_spec.slot_values import NOT_FOLLOWED
 from policy.action_spec.spec import ActionSpec
 from policy.findings import Finding
 
@@ -67,7 +68,7 @@ def _jump(name: str, q: np.ndarray, fps: float) -> Iterator[Finding]:
     if spikes[k, joint] * fps > FINGER_SPEED:
         yield Finding(
             "finger_jump", "warning",
-            f"{name}: fingers jump by {spikes[k, joint]:.2g} rad at row {k + 1} and back, at "
-            f"{spikes[k, joint] * fps:.0f} rad/s, and no hand follows that",
+            f"{name}: fingers jump by {spikes[k, joint]:.2g} rad at row {k + 1} and back, which at "
+            f"{spikes[k, joint] * fps:.0f} rad/s {NOT_FOLLOWED}",
             "look at that row: it is not of this motion",
         )  # fmt: skip
