@@ -28,6 +28,7 @@ class AskedForces:
     Attributes:
         chunk: The last one that said something; None if none did.
         forces: That the world is expected to put on each palm now, world axes, shape (2, 3), [N].
+        counted: Those that the plan counts on, which leans against them, shape (2, 3), [N].
         limits: Largest forces of both hands now [N].
     """
 
@@ -38,7 +39,13 @@ class AskedForces:
     def reset(self) -> None:
         """Nothing is said."""
         self.chunk: ActionChunk | None = None
-        self.forces, self.limits, self._more = np.zeros((2, 3)), [self._config.force_max] * 2, [0.0, 0.0]
+        self.forces, self.counted = np.zeros((2, 2, 3))
+        self.limits, self._more = [self._config.force_max] * 2, [0.0, 0.0]
+
+    @property
+    def told(self) -> bool:
+        """Whether any force is expected or counted on."""
+        return bool(self.forces.any() or self.counted.any())
 
     def expect(self, chunk: ActionChunk) -> None:
         """Count from now on on what a chunk says; on nothing if it says nothing."""

@@ -7,6 +7,7 @@ from math import exp, hypot
 import numpy as np
 import pinocchio as pin
 
+from wholebody.control.asked_forces import AskedForces
 from wholebody.control.base import Controller
 from wholebody.robot.touch import FORCE, LEAN_MAX, MOMENT, PUSH_MAX, SHARE
 
@@ -54,14 +55,14 @@ class Leaning:
 
     def reset(self) -> None:
         """Nothing is felt."""
-        self._moved, self._further, self._unfelt, self._lasted = np.zeros(2), 0.0, np.zeros(2), 0.0
+        self._moved, self._counted, self._unfelt, self._further, self._lasted = *np.zeros((3, 2)), 0.0, 0.0
         controller = self._controller
         controller.lean[:] = controller.tipped[:] = controller.braced[:] = 0.0
 
     @property
     def settled(self) -> bool:
         """Whether nothing has been felt for long."""
-        return hypot(*self._moved) < 1e-4 and not self.unfelt
+        return max(hypot(*self._moved), hypot(*self._counted)) < 1e-4 and not self.unfelt
 
     @property
     def unfelt(self) -> bool:
@@ -93,15 +94,13 @@ class Leaning:
         room = min(max((WAIST_MAX - spent) / WAIST_ROOM, 0.0), 1.0)
         self._unfelt = room * beyond * moved * self.unfelt
 
-    def advance(
-        self, rows: np.ndarray, expected: np.ndarray, planned: np.ndarray, drawn: float, elapsed: float
-    ) -> None:
+    def advance(self, rows: np.ndarray, asked: AskedForces, planned: np.ndarray, drawn: float, elapsed: float) -> None:
         """Take in what is felt now.
 
         Args:
             rows: What both hands feel, as in `wholebody.robot.touch`, shape (2, TOUCH).
-            expected: Forces that chunks expect on the palms, shape (2, 3), [N]: before a hand feels its own, the body
-                leans half of the way.
+            asked: Forces that chunks expect on the palms: before a hand feels its own, the body leans half of the way;
+                and those that the plan counts on: it leans against them by itself.
             planned: Where the plan has the centre of mass, shape (2,), [m].
             drawn: Whether a hand is led away, from 0 to 1: a surface that stays pushes no harder than the hand.
             elapsed: Time since the last tick [s].
@@ -109,12 +108,15 @@ class Leaning:
         controller = self._controller
         com, palms, weight = controller.robot.com, controller.palm_positions(), GRAVITY * controller.robot.mass
         f, m = rows[:, FORCE:MOMENT], rows[:, MOMENT:PUSH_MAX].sum(axis=0)
-        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * expected
+        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * asked.forces
         lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
-        moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
+        moved, counts = (
+            (palms[:, 2:] * x[:, :2] - x[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0) for x in (f, asked.counted)
+        )
         moved = (moved + np.array([m[1], -m[0]])) / (weight - lift) + self._unfelt
         keep = exp(-elapsed / TIPPED_TIME)
         self._moved = keep * self._moved + (1.0 - keep) * moved
+        self._counted = keep * self._counted + (1.0 - keep) * counts / (weight - lift)
         controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / max(hypot(*self._moved), 1e-9))
         wanted, edge = self._wanted(planned)
         unfelt = min(max(self._lasted / LASTING - 1.0, 0.0), 1.0)
@@ -128,8 +130,8 @@ class Leaning:
         of pressure that is the share of the way to the edge. So a foot does not lose all of its load: what is drawn
         aside also turns, and one sole alone does not hold that.
         """
-        support, rest, away, edge = self._controller.support, self._moved.copy(), np.zeros(2), 0.0
-        room = np.maximum(support.offsets - support.normals @ planned, ROOM_MIN)
+        support, rest, away, edge = self._controller.support, self._moved - self._counted, np.zeros(2), 0.0
+        room = np.maximum(support.offsets - support.normals @ (planned + self._counted), ROOM_MIN)
         for _ in range(2):
             shares = support.normals @ rest / room
             nearest = int(shares.argmax())

@@ -159,7 +159,7 @@ class Touch:
             own = (begins and not follows) or (size > found and self._touches_itself(hand))
             self._advance(hand, 0.0 if own else size, now, elapsed)
         self._count_on(observer.wrenches)
-        self._leaning.advance(self._rows, self.asked.forces, row[COM : COM + 2], max(self._drawn), elapsed)
+        self._leaning.advance(self._rows, self.asked, row[COM : COM + 2], max(self._drawn), elapsed)
         for hand in range(2):
             if self.shares[hand] > 0.0:
                 self._find_normal(hand, now, elapsed)
@@ -168,7 +168,7 @@ class Touch:
                 self.asked.free(hand)
                 self._drawn[hand] = 0.0
             self._hold(hand, row)
-        self._settled = max(self.shares) == 0.0 and self._leaning.settled and not self.asked.forces.any()
+        self._settled = max(self.shares) == 0.0 and self._leaning.settled and not self.asked.told
         if self._settled:
             self._leaning.reset()
 

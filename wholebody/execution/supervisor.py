@@ -166,6 +166,8 @@ class Supervisor(Commands):
         late = self.handover.is_slow and self.plan is not None and chunk is not self.chunk and not self._ahead.fast
         follower.stretch(due - self._now if late else 0.0)
         start = self._reflex.foreseen(state, ticks) if self._reflex.active else follower.foreseen(ticks, state)
+        if self.plan is not None:
+            start = replace(start, body=replace(start.body, pushes=self.plan.pushes_at(start.s)))
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
         changed = self.carrying.changed or self.motors.weaker
@@ -273,6 +275,7 @@ class Supervisor(Commands):
             self.handover.cancel()
         self._exchange(now)
         follows = not (self._reflex.active or stepping.active)
+        self.touch.asked.counted.flat = 0.0 if self.plan is None else self.plan.pushes_at(follower.s)
         self.carrying.look(state, follower.row, elapsed, self.monitor.age, follows)
         self.motors.look(self.monitor.fresh, measured)
         if led:

@@ -38,6 +38,7 @@ class Targets:
         T_palms: Palm poses wanted, shape (K, 2, 4, 4).
         q_fingers: Fingers of the left, then of the right hand, shape (K, n_fingers), [rad].
         asked: Number of knots within the chunk; at the others hands come to rest.
+        pushes: Forces that the chunk tells the left and the right palm, world axes, shape (K, 6), [N].
     """
 
     slowdown: float
@@ -47,6 +48,7 @@ class Targets:
     T_palms: np.ndarray
     q_fingers: np.ndarray
     asked: int
+    pushes: np.ndarray
 
     def off(self, T_palms: np.ndarray) -> np.ndarray:
         """Distances of palm poses (K, 2, 4, 4) from those wanted, shape (K, 2), [m]."""

@@ -6,6 +6,7 @@ Slow down along the chunk first, shift the body second (the trajectory), bend th
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, cached_property, lru_cache
 from math import inf
 
@@ -24,8 +25,7 @@ from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.reachability.holdable import HoldablePath, HoldablePlaces, arms_spent
-from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
-from wholebody.planning.reachability.reach_map import ODDS_SURE, ReachabilityMap, basis, map_for
+from wholebody.planning.reachability.reach_map import ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import choice
 from wholebody.planning.strategies.rows import ARMS_SPENT_MAX, Asked, Overlap, Try
 from wholebody.planning.strategies.strategy import HOLDABLE, PARTED, PREVIEW, BeginAt, Strategy
@@ -110,6 +110,8 @@ class ChunkPlanner:
     ) -> ChunkPlan:
         """Plan the rest of a chunk, within the budget of linearisations and steps of the settings.
 
+        It counts on the forces that the chunk tells the hands; on none where no plan does that leaves them in place.
+
         Args:
             chunk: A valid chunk.
             now: Present time [s].
@@ -126,6 +128,10 @@ class ChunkPlanner:
         targets, attempt, asked = self._search(prepared, now, start, commanded, before, budget, modes)
         chosen = self._preview(targets(1.0), start, modes) if quick and not prepared.implausible else None
         chosen = chosen or choice.best(self.config, attempt, budget, asked)
+        moves = chosen.tracking_error > self.config.clamp_tolerance or not chosen.is_safe(self.config)
+        if chosen.knots.pushes is not None and moves:
+            untold, start = replace(chunk, f_world_lpalm=None, f_world_rpalm=None), replace(start, pushes=np.zeros(6))
+            return self.plan(untold, now, start, commanded, before, cpu_limit, quick=quick, hold=hold)
         return self._as_followed(chosen, prepared, now, commanded, budget)
 
     def previewed(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion) -> ChunkPlan | None:
@@ -209,21 +215,13 @@ class ChunkPlanner:
 
     def _preview(self, targets: Targets, start: BodyState, modes: Modes) -> Attempt | None:
         """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP."""
-        if targets.projected.max() > JUMP or self._surely_out_of_reach(targets):
+        # Where the map has great odds against the palms a preview would be in vain.
+        out = self.map is not None and self.map.surely_out(targets.T_palms[:, :, :3, 3], self._loads)
+        if targets.projected.max() > JUMP or out:
             return None
         one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK), modes)
         near = one.tracking_error <= self.config.clamp_tolerance and one.arms_spent <= ARMS_SPENT_MAX
         return one if near and one.is_safe(self.config) else None
-
-    def _surely_out_of_reach(self, targets: Targets) -> bool:
-        """Whether the map has great odds against a pair of palms, however turned: a preview would be in vain."""
-        if self.map is None:
-            return False
-        points = np.ascontiguousarray(targets.T_palms[:, :, :3, 3])
-        n = len(points)
-        loads = np.broadcast_to(np.minimum(self._loads, LOAD_KNOWN), (n, 2))
-        pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), loads)
-        return bool(((self.map.rooms(pairs) < -ODDS_SURE) & self.map.knows(pairs)).any())
 
     @cached_property
     def map(self) -> ReachabilityMap | None:
@@ -259,7 +257,8 @@ class ChunkPlanner:
         T_palms = palm_poses(np.stack([motion.T_world_hand for motion in motions], axis=1), self.offsets)
         fingers = [m.q_finger[:, : len(tool.finger_joints)] for m, tool in zip(motions, self.spec.tools, strict=True)]
         own = int(np.searchsorted(steps, prepared.times[-1], "right"))
-        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), own)
+        pushes = prepared.pushes(steps, T_palms[:, :, :3, 3], self.optimizer.body)
+        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), own, pushes)
 
     def _attempt(
         self,
@@ -281,11 +280,12 @@ class ChunkPlanner:
         if strategy.name == PARTED.name:
             wanted = self._apart.parted(targets.T_palms, targets.q_fingers)
         weights, search = strategy.weights(self.config), (start.q, start.v, wanted, targets.q_fingers)
-        knots = self.optimizer.plan(*search, warm_start, weights, budget, between=modes.strained)
+        pushes = start.counted(targets.pushes, self.config.posture.dt)
+        knots = self.optimizer.plan_against(pushes, *search, warm_start, weights, budget, between=modes.strained)
         curve, centroidal, strain = self._followed(knots, targets, start)
         worth = strategy is not PREVIEW and targets.off(knots.T_palms).max() <= self.config.unreachable
         if strain > 1.0 and worth and not knots.between:
-            knots = self.optimizer.plan(*search, knots.q[1:], weights, budget, between=True)
+            knots = self.optimizer.plan_against(pushes, *search, knots.q[1:], weights, budget, between=True)
             curve, centroidal, strain = self._followed(knots, targets, start)
         return Attempt(
             strategy=strategy.name,
@@ -305,7 +305,7 @@ class ChunkPlanner:
         """The curve of a motion from a start, where the mass goes along it, and the torques that it asks for."""
         steps, step = targets.steps, targets.steps[1] - targets.steps[0]
         curve = curve_through(steps, knots.q, targets.slowdown * start.v)
-        track = centroidal_along(curve, steps[0], steps[-1] + step, self.centroidal)
+        track = centroidal_along(curve, steps[0], steps[-1] + step, self.centroidal).pushed(steps, knots)
         return curve, track, self.effort.strain(track, targets.slowdown, step)
 
     def _overlap(self, targets: Targets) -> Overlap:

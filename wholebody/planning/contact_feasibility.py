@@ -76,11 +76,24 @@ class ContactFeasibility:
         rate, rows = slowdown**-2, slice(None, None, every)
         return track.com[0, rows], rate * track.com[2, rows], rate * track.momentum[1, rows] / self._body.mass
 
-    def _pressure(self, com: np.ndarray, a: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _pressure(
+        self, com: np.ndarray, a: np.ndarray, turning: np.ndarray, pushes: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Zero-moment points (n, 2) [m], and the vertical force per mass (n,)."""
         lift = np.maximum(a[:, 2] + self._gravity, LIFT_MIN)
         shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
-        return com[:, :2] - shift / lift[:, None], lift
+        if pushes is None:
+            return com[:, :2] - shift / lift[:, None], lift
+        left = np.maximum(lift - pushes[:, 2], LIFT_MIN)
+        moment = com[:, :2] * lift[:, None] - shift + pushes[:, [4, 3]] * [1.0, -1.0]
+        return moment / left[:, None], left
+
+    def _pushes(self, track: Track, every: int) -> np.ndarray | None:
+        """What pushes the palms, about the world's origin per mass, at some rows of a track, shape (n, 6)."""
+        if not isinstance(track, CentroidalTrack) or track.pushes is None or track.palms is None:
+            return None
+        palms, pushes = track.palms[::every], track.pushes[::every]
+        return np.concatenate([pushes, np.cross(palms, pushes)], axis=2).sum(axis=1) / self._body.mass
 
     def capture_point_drift(self, track: Track, slowdown: float) -> float:
         """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
@@ -94,7 +107,7 @@ class ContactFeasibility:
             slowdown: How much slower than its parameter it is followed.
         """
         com, a, turning = self._motion(track, slowdown, 1)
-        zmp, lift = self._pressure(com, a, turning)
+        zmp, lift = self._pressure(com, a, turning, self._pushes(track, 1))
         if not np.isfinite(zmp).all():
             return np.inf
         outside = zmp @ self._normals.T - (self._offsets - EDGE_MARGIN)
@@ -114,10 +127,12 @@ class ContactFeasibility:
             track: The plan.
             slowdown: How much slower than its parameter it is followed.
         """
-        com, a, turning = self._motion(track, slowdown, COARSE)
-        zmp, lift = self._pressure(com, a, turning)
+        (com, a, turning), pushes = self._motion(track, slowdown, COARSE), self._pushes(track, COARSE)
+        zmp, lift = self._pressure(com, a, turning, pushes)
         force = a[:, :2] / lift[:, None]
         moment = com[:, 0] * force[:, 1] - com[:, 1] * force[:, 0] + turning[:, 2] / lift
+        if pushes is not None:
+            force, moment = force - pushes[:, :2] / lift[:, None], moment - pushes[:, 5] / lift
         wrenches = np.column_stack([force, zmp, moment]) / _UNITS
         if not np.isfinite(wrenches).all():
             return np.inf

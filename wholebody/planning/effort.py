@@ -29,16 +29,18 @@ class Effort:
             np.zeros((n, 3, 3)), np.zeros((n, 3)), *(np.zeros((n, 6)) for _ in range(4)), np.zeros((3, 10)),
         )  # fmt: skip
 
-    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, pushes: np.ndarray | None = None) -> np.ndarray:
         """Torques of waist and arms in motion, shape (n, UPPER), [N m].
 
         Args:
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
             a: Their derivatives, shape (n, nv).
+            pushes: Forces on both palms, world axes, shape (n, 2, 3), [N]; none if not given.
         """
         body, torque = self._body, np.zeros((len(q), UPPER))
-        _effort(body.tables, body.body_of(q), body.rates_of(v), body.rates_of(a), torque, *self._scratch)
+        pushes = np.zeros((0, 2, 3)) if pushes is None else np.ascontiguousarray(pushes)
+        _effort(body.tables, body.body_of(q), body.rates_of(v), body.rates_of(a), pushes, torque, *self._scratch)
         return torque
 
     def strain(self, track: CentroidalTrack, slowdown: float, begun: float) -> float:
@@ -53,5 +55,7 @@ class Effort:
         if len(track.v) <= first + 1:
             return 0.0
         a = np.gradient(track.v, COARSE * GRID, axis=0)[first:]
-        torques = self.torques(track.q[first:], track.v[first:] / slowdown, a / slowdown**2)
+        rows = np.minimum(COARSE * np.arange(first, len(track.q)), track.com.shape[1] - 1)
+        pushes = None if track.pushes is None else track.pushes[rows]
+        torques = self.torques(track.q[first:], track.v[first:] / slowdown, a / slowdown**2, pushes)
         return float(np.nan_to_num((np.abs(torques) / self._body.effort_max).max(), nan=np.inf))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -114,6 +115,15 @@ class ChunkPlan:
     def rate(self) -> float:
         """Speed along the chunk, 1 being the chunk's own."""
         return 1.0 / self.report.slowdown
+
+    def pushes_at(self, s: float) -> np.ndarray:
+        """Forces on the left and the right palm that it counts on at a parameter [s], world axes, shape (6,), [N]."""
+        if self.knots.pushes is None:
+            return np.zeros(6)
+        pushes, steps = self.knots.pushes, self.report.steps
+        k = min(max((s - steps[0]) / (steps[1] - steps[0]), 0.0), len(pushes) - 1.0001)
+        share, first = math.modf(k)
+        return (1.0 - share) * pushes[int(first)] + share * pushes[int(first) + 1]
 
     def rest(self, s: float, rate: float, knot: float) -> np.ndarray:
         """Rest of the plan from a parameter on [s], followed at a rate: configurations (k, nq), ``knot`` apart [s]."""

@@ -13,6 +13,9 @@ from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP, continued
 from wholebody.planning.smoothing import smoothed_chunk
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
+from wholebody.robot.touch import LEAN_MAX, tipping_share
+from wholebody.trajopt.kernels.dynamics_rows import PUSHED_MORE
+from wholebody.trajopt.robot_tables import RobotTables
 
 JOIN_SHARE = 0.6
 """Share of the usual speed, acceleration and jerk with which a chunk is joined that begins elsewhere; chosen: it does
@@ -64,6 +67,27 @@ class PreparedChunk:
         distance = np.linalg.norm(T[:, :3, 3] - commanded.p, axis=1)
         turn = matrix_to_rotvec(np.swapaxes(quaternion_to_matrix(commanded.quat, "xyzw"), 1, 2) @ T[:, :3, :3])
         return bool(distance.max() > START_MAX[0] or np.linalg.norm(turn, axis=1).max() > START_MAX[1])
+
+    def pushes(self, steps: np.ndarray, palms: np.ndarray, body: RobotTables) -> np.ndarray:
+        """Forces on the left and the right palm that plans are to count on at K parameters [s], shape (K, 6), [N].
+
+        They are those that the chunk tells, as far as a body can be leant against them. Past its end hands stay where
+        they are, and what they touch does.
+
+        Args:
+            steps: The parameters, shape (K,), [s].
+            palms: Where the chunk has the palms then, shape (K, 2, 3), [m].
+            body: The robot.
+        """
+        chunk, tables = self.chunk, body.tables
+        told = [np.zeros((len(chunk), 3)) if f is None else f for f in (chunk.f_world_lpalm, chunk.f_world_rpalm)]
+        pushes = np.stack([np.interp(steps, self.times, force) for force in np.hstack(told).T], axis=1)
+        com, weight = tables.com_stance, -tables.gravity[2] * tables.mass
+        for k in np.flatnonzero(pushes.any(axis=1)):
+            offsets, force = tables.zmp_offsets + LEAN_MAX, pushes[k].reshape(2, 3)
+            most = tipping_share(force, palms[k], com, weight, tables.normals, offsets) / (1.0 + PUSHED_MORE)
+            pushes[k] *= min(most, 1.0)
+        return pushes
 
     def paths(self, now: float, commanded: HandMotion, slowdown: float) -> tuple[tuple[HandPath, ...], np.ndarray]:
         """Paths of both hands that go on from their present motion, and how far steps were moved to keep the limits.

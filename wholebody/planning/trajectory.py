@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +13,14 @@ from wholebody.planning.kernels.along_curve import along_curve
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot
 from wholebody.trajopt.centroidal import Centroidal
+from wholebody.trajopt.optimizer import KnotTrajectory
 
 GRID = 0.002
 """Spacing of the sampled posture [s]; chosen: a control tick at 500 Hz."""
+LEAN_TIME = 0.6
+"""Time in which a plan comes to count on a force that it begins with [s]; chosen: a trunk takes half of it to lean."""
+PUSH_MIN = 0.5
+"""Force on a palm that no plan counts on [N]; chosen: what scripts leave of one that ends."""
 COARSE = 5
 """Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
 
@@ -77,6 +82,7 @@ class CentroidalTrack:
         com, momentum: As in `SampledTrajectory`.
         turns: Orientations of pelvis and torso at every `COARSE`-th row, shape (2, m, 3, 3).
         q: Configurations there, shape (m, nq). v: Velocities there, shape (m, nv).
+        palms, pushes: Both palms [m] and the forces on them that are counted on [N], shape (n, 2, 3); None without any.
     """
 
     start: float
@@ -86,6 +92,17 @@ class CentroidalTrack:
     turns: np.ndarray
     q: np.ndarray
     v: np.ndarray
+    palms: np.ndarray | None = None
+    pushes: np.ndarray | None = None
+
+    def pushed(self, steps: np.ndarray, knots: KnotTrajectory) -> CentroidalTrack:
+        """The same with the forces on the palms that its knots, at K parameters [s], count on."""
+        if knots.pushes is None:
+            return self
+        s, K = np.minimum(self.start + GRID * np.arange(self.com.shape[1]), steps[-1]), len(steps)
+        values = np.hstack([knots.T_palms[:, :, :3, 3].reshape(K, 6), knots.pushes])
+        palms, pushes = np.split(np.stack([np.interp(s, steps, x) for x in values.T], axis=1), 2, axis=1)
+        return replace(self, palms=palms.reshape(-1, 2, 3), pushes=pushes.reshape(-1, 2, 3))
 
 
 @dataclass(frozen=True)
@@ -95,15 +112,26 @@ class BodyState:
     Attributes:
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).
+        pushes: Forces on the left and the right palm that it counts on, world axes, shape (6,), [N].
     """
 
     q: np.ndarray
     v: np.ndarray
+    pushes: np.ndarray = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
     def still(cls, q: np.ndarray, nv: int) -> BodyState:
         """Trajectory at rest at ``q``."""
         return cls(q.copy(), np.zeros(nv))
+
+    def counted(self, told: np.ndarray, dt: float) -> np.ndarray | None:
+        """Forces told at K knots, (K, 6) [N], ``dt`` [s] apart, as a plan from here counts on them; None if on none.
+
+        It begins with what is counted on here: nobody leans at once.
+        """
+        left = np.maximum(1.0 - dt * np.arange(len(told)) / LEAN_TIME, 0.0)
+        pushes = told + left[:, None] * (self.pushes - told[0])
+        return pushes if np.abs(pushes).max() > PUSH_MIN else None
 
 
 def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> CubicBSpline:

@@ -52,6 +52,8 @@ class KnotTargets(NamedTuple):
     dt: float
     between: bool  # whether torques between knots count
     spent: np.ndarray  # (UPPER,) excess over the bounds on torques that is excused at the first knot
+    pushed: bool  # whether anything pushes the palms
+    pushes: np.ndarray  # (K, 6) forces on the left and the right palm, world axes
 
 
 class Shapes(NamedTuple):

@@ -53,6 +53,7 @@ class KnotTrajectory:
         violation: Largest excess over a bound at each knot, shape (K,), in terms of the bound's tolerance.
         cost: What the motion costs.
         between: Whether torques between the knots counted.
+        pushes: Forces on the left and the right palm that it counts on, world axes, shape (K, 6), [N]; None if on none.
     """
 
     q: np.ndarray
@@ -62,6 +63,7 @@ class KnotTrajectory:
     violation: np.ndarray
     cost: float
     between: bool = False
+    pushes: np.ndarray | None = None
 
 
 class TrajectoryOptimizer:
@@ -90,6 +92,7 @@ class TrajectoryOptimizer:
         self.q_stance = self.body.q_full.copy()
         self.work = 0.0
         self._problems: dict[int, TrajectoryProblem] = {}
+        self._pushes: np.ndarray | None = None
         self._scratch = np.zeros((1 + N_JOINTS, 3, 3)), np.zeros((2 + N_JOINTS, 3))
         self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))
 
@@ -128,7 +131,7 @@ class TrajectoryOptimizer:
         problem.budget = budget or Budget()
         problem.budget.begin_search(K)
         seed, problem.enforced[:] = self._relaxation
-        problem.begin(T_palms, q_fingers, body.rates_of(v), between=between)
+        problem.begin(T_palms, q_fingers, body.rates_of(v), self._pushes, between=between)
         start, known = problem.now.q, 1
         start[0] = body.body_of(q if seed is None else seed)
         if guess is not None and len(guess):
@@ -146,20 +149,37 @@ class TrajectoryOptimizer:
         qs[:, body.fingers] = q_fingers
         body.put_rates(vs, now.v_mid[:-1])
         return KnotTrajectory(
-            qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost, problem.between
+            qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost, problem.between, self._pushes
         )
 
-    def plan_with_less(self, enforced: np.ndarray, seed: np.ndarray | None, *arguments: Any) -> KnotTrajectory:
+    def plan_against(self, pushes: np.ndarray | None, *arguments: Any, **options: Any) -> KnotTrajectory:
+        """Plan against what pushes the palms.
+
+        Args:
+            pushes: Forces on the left and the right palm, world axes, shape (K, 6), [N]; None if there are none.
+            *arguments: Of `plan`.
+            **options: Likewise.
+        """
+        self._pushes = pushes
+        try:
+            return self.plan(*arguments, **options)
+        finally:
+            self._pushes = None
+
+    def plan_with_less(
+        self, enforced: np.ndarray, seed: np.ndarray | None, *arguments: Any, pushes: np.ndarray | None = None
+    ) -> KnotTrajectory:
         """Plan with a subset of the bounds, to find which one is binding.
 
         Args:
             enforced: As in `TrajectoryProblem`.
             seed: Configuration (nq,) that inverse kinematics from knot to knot begins at; the start if None.
             *arguments: Of `plan`.
+            pushes: Of `plan_against`.
         """
         self._relaxation = seed, enforced
         try:
-            return self.plan(*arguments)
+            return self.plan_against(pushes, *arguments)
         finally:
             self._relaxation = None, np.ones(1)
 
@@ -177,7 +197,7 @@ class TrajectoryOptimizer:
         body, problem = self.body, self._problem(len(motion.q))
         problem.enforced[:] = 1.0
         problem.budget = Budget()
-        problem.begin(motion.T_palms, motion.q[:, body.fingers], body.rates_of(motion.v[0]))
+        problem.begin(motion.T_palms, motion.q[:, body.fingers], body.rates_of(motion.v[0]), motion.pushes)
         problem.now.q[:] = body.body_of(motion.q)
         problem.linearise(problem.now)
         return problem

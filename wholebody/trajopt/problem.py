@@ -9,6 +9,7 @@ from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision import gjk
 from wholebody.config import TrajectoryConfig
 from wholebody.errors import InputError
+from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.trajopt import entry_points, weights, workspace
 from wholebody.trajopt.arrays import KnotTargets
 from wholebody.trajopt.budget import Budget
@@ -62,6 +63,8 @@ class TrajectoryProblem:
             float(config.dt),
             between=False,
             spent=np.zeros(UPPER),
+            pushed=False,
+            pushes=np.zeros((K, 6)),
         )
 
     @property
@@ -79,18 +82,29 @@ class TrajectoryProblem:
         """Finger joints in the order of their bodies, shape (K, n_fingers)."""
         return self._task.q_fingers
 
-    def begin(self, T_palms: np.ndarray, q_fingers: np.ndarray, v_start: np.ndarray, *, between: bool = False) -> None:
+    def begin(
+        self,
+        T_palms: np.ndarray,
+        q_fingers: np.ndarray,
+        v_start: np.ndarray,
+        pushes: np.ndarray | None = None,
+        *,
+        between: bool = False,
+    ) -> None:
         """Set the palm poses wanted (K, 2, 4, 4), the finger joints (K, n_fingers) and the first velocity (35,).
 
         Args:
             T_palms: Palm poses wanted.
             q_fingers: Finger joints.
             v_start: First velocity.
+            pushes: Forces on the left and the right palm, world axes, shape (K, 6), [N]; none if not given.
             between: Whether torques of waist and arms between the knots may count, as `bound_between` says.
         """
         self._may_bound_between, task = between, self._task
         self._count_between(False)
         task.T_palms[:], task.v_start[:], task.offset[:] = T_palms, v_start, 0.0
+        task.pushes[:] = 0.0 if pushes is None else pushes
+        self._task = self._task._replace(pushed=bool(task.pushes.any()))
         task.q_fingers[:] = q_fingers[:, self.body.finger_order]
         # A plan does not depend on the plans before it.
         distances = self.distances
@@ -117,8 +131,12 @@ class TrajectoryProblem:
         No motion changes that; it would have to begin by throwing what the hands carry.
         """
         body, tables, m = self.body, self.body.tables, self.now
-        at_rest = np.abs(pin.computeGeneralizedGravity(body.model, body.data, m.q[0])[LOWER:]) / tables.tau_max
-        self._task.spent[:] = np.maximum(at_rest - 1.0, 0.0)
+        at_rest = pin.computeGeneralizedGravity(body.model, body.data, m.q[0])[LOWER:]
+        for hand, force in enumerate(self._task.pushes[0].reshape(2, 3)):
+            moment = np.cross(m.palms[0, hand, :3, 3] - m.q[0, :3], force)
+            carries = tables.carries[PALM_FRAME + hand, LOWER:]
+            at_rest -= carries * (m.S[0, LOWER:] @ np.concatenate([force, moment]))
+        self._task.spent[:] = np.maximum(np.abs(at_rest) / tables.tau_max - 1.0, 0.0)
         m.violation[0, TORQUE + self._n_edges : TORQUE + self._n_edges + UPPER] -= self._task.spent
 
     def update_offset(self) -> None:

@@ -59,6 +59,7 @@ class KnotMotion(NamedTuple):
     dynamics: np.ndarray  # (K, N_DYNAMICS)
     J_dynamics: np.ndarray  # (K, N_DYNAMICS, 3 N_FREE)
     zmp: np.ndarray  # (K, 2)
+    pushed: np.ndarray  # (K, 3) by how much forces on the palms change the first three rows of the dynamics
     J_between: np.ndarray  # (K, N_BETWEEN, 3 N_FREE) of the torques before and after a knot
     violation: np.ndarray  # (K, n_rows) by how much bounds are exceeded, negative inside
     sign: np.ndarray  # (K, n_rows) of what is bounded
@@ -91,6 +92,7 @@ def new_motion(K: int, bodies: int, n_edges: int) -> KnotMotion:
         "dynamics": (K, N_DYNAMICS),
         "J_dynamics": (K, N_DYNAMICS, 3 * N_FREE),
         "zmp": (K, 2),
+        "pushed": (K, 3),
         "J_between": (K, N_BETWEEN, 3 * N_FREE),
         "violation": (K, n_rows(n_edges)),
         "sign": (K, n_rows(n_edges)),
@@ -213,6 +215,9 @@ class KnotScratch(NamedTuple):
     psi_S_dot: np.ndarray
     psi_ddot: np.ndarray
     F: np.ndarray
+    palms: np.ndarray
+    pushes: np.ndarray
+    push_turns: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
     turns: np.ndarray
@@ -249,6 +254,9 @@ def new_knot_scratch() -> KnotScratch:
         psi_S_dot=np.zeros((n, 6)),
         psi_ddot=np.zeros((n, 6)),
         F=np.zeros((2, n, 6)),
+        palms=np.zeros((2, 3)),
+        pushes=np.zeros((2, 6)),
+        push_turns=np.zeros((2, n, 6)),
         lower=np.zeros((3, N_DYNAMICS, LOWER)),
         upper=np.zeros((3, N_DYNAMICS, UPPER)),
         turns=np.zeros((4, 3, 3)),

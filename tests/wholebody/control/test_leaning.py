@@ -6,6 +6,8 @@ import pytest
 from models import g1
 from policy.scripted.waypoints import Waypoint, waypoint_policy
 from tests.support.felt import Run, still_force
+from wholebody.config.touch import TouchConfig
+from wholebody.control.asked_forces import AskedForces
 from wholebody.control.leaning import BRACED, Leaning
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.touch import FORCE, LEAN_MAX, SHARE, TOUCH
@@ -24,12 +26,14 @@ def controller():
     return supervisor.controller
 
 
-def lean(controller, force, told=(0.0, 0.0, 0.0)):
+def lean(controller, force, told=(0.0, 0.0, 0.0), counted=(0.0, 0.0, 0.0)):
     """How far the body is told to lean, and how far the force is taken to move the centre of pressure [m]."""
-    leaning, rows, tells = Leaning(controller), np.zeros((2, TOUCH)), np.zeros((2, 3))
-    rows[0, FORCE : FORCE + 3], rows[0, SHARE], tells[0] = force, float(np.any(force)), told
+    leaning, rows = Leaning(controller), np.zeros((2, TOUCH))
+    asked = AskedForces(TouchConfig(), rows)
+    rows[0, FORCE : FORCE + 3], rows[0, SHARE], asked.forces[0] = force, float(np.any(force)), told
+    asked.counted[0] = counted
     for _ in range(50):
-        leaning.advance(rows, tells, controller.robot.com[:2].copy(), 0.0, 0.02)
+        leaning.advance(rows, asked, controller.robot.com[:2].copy(), 0.0, 0.02)
     found = controller.lean.copy(), controller.tipped.copy()
     leaning.reset()
     assert leaning.settled
@@ -72,7 +76,7 @@ def test_a_force_that_leads_a_hand_away_and_brings_an_edge_near_braces_the_centr
         leaning, rows = Leaning(controller), np.zeros((2, TOUCH))
         rows[0, FORCE : FORCE + 3], rows[0, SHARE] = size * AHEAD, 1.0
         for _ in range(50):
-            leaning.advance(rows, np.zeros((2, 3)), controller.robot.com[:2].copy(), drawn, 0.02)
+            leaning.advance(rows, AskedForces(TouchConfig(), rows), controller.robot.com[:2].copy(), drawn, 0.02)
         braced.append(float(controller.braced[0]))
         leaning.reset()
     assert braced[1] == BRACED
@@ -84,6 +88,14 @@ def test_a_force_that_leads_a_hand_away_and_brings_an_edge_near_braces_the_centr
 def test_before_a_force_is_felt_that_is_told_the_body_leans_half_of_the_way(controller):
     felt, told = lean(controller, 10.0 * AHEAD)[1], lean(controller, np.zeros(3), 10.0 * AHEAD)[1]
     assert told[0] == pytest.approx(0.5 * felt[0], rel=0.01)
+
+
+def test_against_what_the_plan_counts_on_the_body_does_not_lean_once_more(controller):
+    (x, _), tipped = lean(controller, 20.0 * AHEAD, 20.0 * AHEAD, counted=20.0 * AHEAD)
+    assert abs(x) < 1e-6
+    assert tipped[0] == pytest.approx(lean(controller, 20.0 * AHEAD)[1][0])
+    (x, _), _ = lean(controller, 20.0 * AHEAD, 20.0 * AHEAD, counted=10.0 * AHEAD)
+    assert lean(controller, 20.0 * AHEAD)[0][0] < x < 0.0
 
 
 def test_a_pull_beyond_what_statics_allow_is_stood_and_let_go_of():

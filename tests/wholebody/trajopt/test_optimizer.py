@@ -187,13 +187,13 @@ def placed(model, data, q, frame):
     return data.oMf[frame].translation.copy()
 
 
-def linearised(body, K, seed, speed=1.0, config=None):
+def linearised(body, K, seed, speed=1.0, config=None, pushes=None):
     """A random motion with the feet in place, and its program."""
     rng, config = np.random.default_rng(seed), config or TrajectoryConfig()
     program = TrajectoryProblem(body, config, K)
     T, fingers = poses(reach(0.45, 0.60), config.dt, 0.0, (K - 0.5) * config.dt)
     T = T @ np.array([[pin.exp6(0.2 * rng.normal(size=6)).homogeneous for _ in range(2)] for _ in range(K)])
-    program.begin(T, fingers, 0.3 * rng.normal(size=N_BODY))
+    program.begin(T, fingers, 0.3 * rng.normal(size=N_BODY), pushes)
     program.set_weights(config, 1.0)
     q = pin.integrate(body.model, body.tables.q_stance, 0.15 * rng.normal(size=N_BODY))
     for k in range(K):
@@ -230,6 +230,53 @@ def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
     rows, D = judge.dynamics(m.q[0], v_mid[0], 2.0 * (v_mid[1] - v_mid[0]) / dt)
     assert near(m.dynamics[0], rows)
     assert near(m.J_dynamics[0, :, 46:], reduced(0, D, back, forth, N, dt)[:, 46:])
+
+
+def pushed_by(judge, q, pushes):
+    """Rows of the dynamics (27,) that forces (6,) on the palms add to those of `Formulation.dynamics`."""
+    t, rows, weight = judge.body.tables, np.zeros(layout.N_DYNAMICS), judge.body.tables.mass * 9.81
+    pin.computeJointJacobians(judge.model, judge.data, q)
+    pin.updateFramePlacements(judge.model, judge.data)
+    for frame, f in zip(judge.frames[:2], pushes.reshape(2, 3), strict=True):
+        J, p = (
+            pin.getFrameJacobian(judge.model, judge.data, frame, pin.LOCAL_WORLD_ALIGNED),
+            judge.data.oMf[frame].translation,
+        )
+        rows[layout.TAU : layout.TAU + layout.UPPER] -= f @ J[:3, layout.LOWER :]
+        moment = np.cross(p, f)
+        rows[:3] += np.array([moment[1], -moment[0], -f[2]]) / weight
+        rows[24:] -= np.array([f[0], f[1], moment[2]]) / weight
+    assert t.gravity[2] == -9.81
+    return rows
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_forces_on_the_palms_enter_the_dynamics_as_those_of_pinocchio_and_change_with_the_configuration(body, seed):
+    pushes = 30.0 * np.random.default_rng(seed).normal(size=(6, 6))
+    (free, _), (program, _) = linearised(body, 6, seed), linearised(body, 6, seed, pushes=pushes)
+    judge, N, h = Formulation(body, SPEC), dense(program.now.free), 1e-5
+    m, plain, E = program.now, free.now, len(body.tables.normals)
+    for k in range(6):
+        q = m.q[k]
+        assert near(m.dynamics[k] - plain.dynamics[k], pushed_by(judge, q, pushes[k]))
+        static = (m.violation[k, layout.STATIC : layout.STATIC + 3] + 1.0) * body.tables.tau_max[:3]
+        still = judge.static_torque(q)[:3] + pushed_by(judge, q, pushes[k])[layout.TAU : layout.TAU + 3]
+        assert near(static, np.abs(still))
+        if k == 0:
+            continue
+        assert near(
+            m.violation[k, layout.ZMP + 2 * E : layout.ZMP + 3 * E],
+            plain.violation[k, layout.ZMP + 2 * E : layout.ZMP + 3 * E],
+        )
+        steps = h * N[k].T
+        change = [
+            (pushed_by(judge, pin.integrate(judge.model, q, step), pushes[k]) -
+             pushed_by(judge, pin.integrate(judge.model, q, -step), pushes[k])) / (2.0 * h) for step in steps
+        ]  # fmt: skip
+        n = layout.N_FREE
+        by_q = np.array(change).T
+        assert np.abs(m.J_dynamics[k, :, n : 2 * n] - plain.J_dynamics[k, :, n : 2 * n] - by_q).max() < 1e-6
+        assert np.abs(m.J_static[k] - plain.J_static[k] - by_q[layout.TAU : layout.TAU + 3]).max() < 1e-6
 
 
 def between_of(program, k):

@@ -189,8 +189,8 @@ class ChunkJudge:
             *palm_margins(moved, turned, self.config.verdict, chunk.fps),
         ]
         margins += self.around(chunk, plan)
-        support = self.planner.optimizer.body.footing.support
-        if any(chunk.pushes) and (force := self.forces.of(chunk, plan, support, self.loads)) is not None:
+        body = self.planner.optimizer.body
+        if any(chunk.pushes) and (force := self.forces.of(chunk, plan, body, self.loads)) is not None:
             margins.append(force)
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
 
@@ -282,7 +282,7 @@ class ChunkJudge:
         row = plan.trajectory.row(s)
         rate = plan.rate if s < plan.end else 0.0
         hands = HandMotion(np.stack([path.sample(np.array([s])).rows[0] for path in plan.paths]))
-        body = BodyState(plan.trajectory.q[row].copy(), rate * plan.trajectory.v[row])
+        body = BodyState(plan.trajectory.q[row].copy(), rate * plan.trajectory.v[row], plan.pushes_at(s))
         before = plan.rest(s, rate, self.config.planner.posture.dt)
         return Begin(body, time_scaled(hands, rate, 0.0), before)
 

@@ -11,8 +11,8 @@ from wholebody.config import ControllerConfig
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.state import Robot
-from wholebody.robot.support_polygon import SupportPolygon
 from wholebody.robot.touch import LEAN_MAX, TOLD_SHARE, arm_force, tipping_share
+from wholebody.trajopt.robot_tables import RobotTables
 
 POSTURE_SPACING = 0.1
 """Time between the postures that are looked at [s]; chosen: forces of tasks change slower."""
@@ -40,15 +40,13 @@ class HandForce:
         effort = robot.spec.effort_max[robot.motor_to_pin]
         self._arms = [(tool.palm_frame, 6 + arm, effort[arm]) for tool, arm in zip(robot.spec.tools, arms, strict=True)]
 
-    def of(
-        self, chunk: ActionChunk, plan: ChunkPlan, support: SupportPolygon, loads: tuple[float, float]
-    ) -> Margin | None:
+    def of(self, chunk: ActionChunk, plan: ChunkPlan, body: RobotTables, loads: tuple[float, float]) -> Margin | None:
         """Least room that a plan leaves to the forces of its chunk; None without forces.
 
         Args:
             chunk: Tells forces on hands.
             plan: Of it.
-            support: Of the soles.
+            body: The robot that was planned.
             loads: Masses in the left and right hand [kg].
         """
         none, worst = np.zeros((len(chunk), 3)), None
@@ -61,7 +59,7 @@ class HandForce:
         for k in sorted(step for step in steps if sizes[step].any()):
             q = plan.trajectory.q[plan.trajectory.row(plan.start + plan.rate * (k / chunk.fps - plan.start))]
             most = self._most if chunk.force_max is None else np.minimum(chunk.force_max[k], self._most)
-            bounds = self._bounds(q, wanted[k], sizes[k], support, np.broadcast_to(most, 2))
+            bounds = self._bounds(q, wanted[k], sizes[k], body, np.broadcast_to(most, 2))
             for hand in np.flatnonzero(sizes[k]).tolist():
                 value, bound = float(sizes[k, hand]), bounds[hand]
                 share = (bound - value) / max(bound, 1.0)
@@ -73,15 +71,17 @@ class HandForce:
         return worst
 
     def _bounds(
-        self, q: np.ndarray, told: np.ndarray, sizes: np.ndarray, support: SupportPolygon, most: np.ndarray
+        self, q: np.ndarray, told: np.ndarray, sizes: np.ndarray, body: RobotTables, most: np.ndarray
     ) -> list[float]:
         """Largest force of each hand along what it is told, (2, 3) and its sizes (2,) [N], in a configuration (nq,)."""
         robot = self._robot
         robot.update(q, np.zeros(robot.nv))
         weight, jacobians = GRAVITY * robot.mass, [robot.jacobian(frame)[:3] for frame, _, _ in self._arms]
         palms = np.array([robot.pose(frame).translation for frame, _, _ in self._arms])
-        # Leaning moves the centre of mass away from the edge.
-        tips = tipping_share(told, palms, robot.com, weight, support.normals, support.offsets + LEAN_MAX)
+        # Leaning moves the centre of mass away from the edge; a plan that counts on the force has done a part of that.
+        support = body.footing.support
+        lean = np.clip(LEAN_MAX + support.normals @ (robot.com[:2] - body.tables.com_stance), 0.0, LEAN_MAX)
+        tips = tipping_share(told, palms, robot.com, weight, support.normals, support.offsets + lean)
         level, lift = float(np.hypot(*told[:, :2].sum(axis=0))), float(told[:, 2].sum())
         held = self._friction * weight / max(level + self._friction * lift, 1e-9)
         found = []

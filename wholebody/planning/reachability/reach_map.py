@@ -140,6 +140,13 @@ class ReachabilityMap:
         self._native(points, turns, loads, BODY, self.network, _scratch(), out)
         return out
 
+    def surely_out(self, palms: np.ndarray, loads: tuple[float, float]) -> bool:
+        """Whether great odds are against one of some pairs of palms (n, 2, 3), however turned, with masses [kg]."""
+        n = len(palms)
+        carried = np.broadcast_to(np.minimum(loads, LOAD_KNOWN), (n, 2))
+        pairs = Pairs(np.ascontiguousarray(palms), np.full(n, TURNS.index(Turn.ANY)), carried)
+        return bool(((self.rooms(pairs) < -ODDS_SURE) & self.knows(pairs)).any())
+
     @staticmethod
     def knows(pairs: Pairs) -> np.ndarray:
         """Whether pairs are in the box and of the loads that the map was fitted to, shape (n,)."""

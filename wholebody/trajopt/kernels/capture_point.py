@@ -13,7 +13,7 @@ from __future__ import annotations
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import dot
 from wholebody.robot.kernels.pendulum import natural_frequency
-from wholebody.trajopt.arrays import Tables
+from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import COM, DISTANCE, FREE_LOWER, LOWER, N_BODY, N_FREE, VERTICAL, ZMP
 from wholebody.trajopt.workspace import KnotMotion
@@ -52,8 +52,11 @@ def pendulum(k: int, robot: Tables, m: KnotMotion) -> float:
     return natural_frequency(height)
 
 
-def capture_point(k: int, robot: Tables, m: KnotMotion) -> None:
-    """The bounds on the capture point; the state of the first knot is given."""
+def capture_point(k: int, robot: Tables, task: KnotTargets, m: KnotMotion) -> None:
+    """The bounds on the capture point; the state of the first knot is given.
+
+    What pushes the palms moves the weight as the floor does; derivatives leave out how that changes with the motion.
+    """
     E, omega, tau = robot.normals.shape[0], pendulum(k, robot, m), robot.capture_time
     x, y = m.r[k, COM] + robot.com_stance[0], m.r[k, COM + 1] + robot.com_stance[1]
     vx = vy = 0.0
@@ -61,8 +64,11 @@ def capture_point(k: int, robot: Tables, m: KnotMotion) -> None:
         vx += m.F[k, j, 0] * m.v[k, j] / robot.mass
         vy += m.F[k, j, 1] * m.v[k, j] / robot.mass
     row = m.dynamics[k]
-    px = x + vx / omega + tau * (vx + omega * (x * row[VERTICAL] - row[0]))
-    py = y + vy / omega + tau * (vy + omega * (y * row[VERTICAL] - row[1]))
+    fx, fy, fz = row[0], row[1], row[VERTICAL]
+    if task.pushed:
+        fx, fy, fz = fx - m.pushed[k, 0], fy - m.pushed[k, 1], fz - m.pushed[k, VERTICAL]
+    px = x + vx / omega + tau * (vx + omega * (x * fz - fx))
+    py = y + vy / omega + tau * (vy + omega * (y * fz - fy))
     for e in range(E):
         normal = robot.normals[e]
         violation = normal[0] * px + normal[1] * py - robot.capture_offsets[e]

@@ -9,7 +9,15 @@ import numpy as np
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.frames import PALM_FRAME, PELVIS_FRAME, TORSO_FRAME, place_frame
 from wholebody.robot.kernels.rotation import logarithm, rotation_between
-from wholebody.robot.kernels.spatial import add_cross_force, body_inertia, cross_motion, dot6, momentum_of
+from wholebody.robot.kernels.spatial import (
+    add_cross_force,
+    add_force_at,
+    body_inertia,
+    cross,
+    cross_motion,
+    dot6,
+    momentum_of,
+)
 from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.fixed_feet_kinematics import frame_rows, restore_feet
 from wholebody.trajopt.layout import (  # fmt: skip
@@ -120,7 +128,7 @@ def tilt(k: int, f: int, R: Matrix, limit: float, turn: Matrix, m: KnotMotion) -
         m.J_tilt[k, f, j] = (x * turn[1, j] - y * turn[0, j]) / lean if lean > 1e-6 else 0.0
 
 
-def static_torque(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
+def static_torque(k: int, robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
     """Bounds STATIC of knot ``k`` on torques with which the waist would hold the upper body still, and derivatives.
 
     Accelerations from knot to knot can lower the torques at the knots below those in between. Where the waist could
@@ -134,6 +142,8 @@ def static_torque(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> No
         i = LOWER + w
         momentum_of(m.I_composite[k, i - 5], lift, force)
         torque = dot6(S[i], force)
+        if task.pushed:
+            torque -= pushed_torque(k, i, robot, task.pushes[k], m, work)
         m.sign[k, STATIC + w] = 1.0 if torque > 0.0 else -1.0
         m.violation[k, STATIC + w] = abs(torque) / robot.tau_max[w] - 1.0
         for j in range(N_BODY):
@@ -153,4 +163,39 @@ def static_torque(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> No
             momentum_of(m.I_composite[k, j - 5], lift_rate, force_rate)
             add_cross_force(S[j], force, force_rate)
             row[j] = dot6(S[i], force_rate)
+        if task.pushed:
+            turn_pushed_torque(k, i, robot, task.pushes[k], m, work)
         reduce_row(row, m.free[k], m.J_static[k, w])
+
+
+def pushed_torque(k: int, i: int, robot: Tables, pushes: Vector, m: KnotMotion, work: KnotScratch) -> float:
+    """Torque of what pushes the palms (6,) about joint ``i`` [N m]."""
+    torque, w = 0.0, work.six[4]
+    for h in range(2):
+        palm_push(k, h, pushes, m, work.p, w)
+        if robot.carries[PALM_FRAME + h, i]:
+            torque += dot6(m.S[k, i], w)
+    return torque
+
+
+def turn_pushed_torque(k: int, i: int, robot: Tables, pushes: Vector, m: KnotMotion, work: KnotScratch) -> None:
+    """Take its derivatives off ``work.rows[0]``: the force keeps its direction, its place moves with the palm."""
+    S, row, x, w, g, turn = m.S[k], work.rows[0], work.p, work.six[4], work.six[5], work.six[6]
+    for h in range(2):
+        palm_push(k, h, pushes, m, x, w)
+        for j in range(N_BODY):
+            if robot.carries[PALM_FRAME + h, i] and robot.carries[PALM_FRAME + h, j]:
+                turn[:] = 0.0
+                cross(S[j, 3:], pushes[3 * h : 3 * h + 3], g)
+                add_force_at(x, -g[0], -g[1], -g[2], turn)
+                if j > i:
+                    add_cross_force(S[j], w, turn)
+                row[j] -= dot6(S[i], turn)
+
+
+def palm_push(k: int, h: int, pushes: Vector, m: KnotMotion, x: Vector, w: Vector) -> None:
+    """Place ``x`` (3,) of a palm from the base, and the wrench ``w`` (6,) of what pushes it, about the base."""
+    w[:] = 0.0
+    for a in range(3):
+        x[a] = m.palms[k, h, a, 3] - m.q[k, a]
+    add_force_at(x, pushes[3 * h], pushes[3 * h + 1], pushes[3 * h + 2], w)

@@ -31,6 +31,11 @@ UNLOADED = 0.05
 trial is on record."""
 
 
+PUSHED_MORE = 1.0 / 3.0
+"""Share by which palms may be pushed harder than a plan counts on, for which it keeps the zero-moment point inside too;
+chosen: the controller leans against the rest, which takes it half a second. Derivatives leave it out."""
+
+
 def contact_wrench(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
     """Rows ZMP_FORCE, VERTICAL, HORIZONTAL and YAW: the wrench of the floor about the world's origin, per weight."""
     weight = -robot.mass * robot.gravity[2]
@@ -45,6 +50,18 @@ def contact_wrench(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> N
         F = m.F[k] if part == 2 else work.F[part]
         wrench_rows(F[:LOWER], p, weight, work.lower[part])
         wrench_rows(F[LOWER:], p, weight, work.upper[part])
+
+
+def pushed_rows(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
+    """How much forces on the palms change rows ZMP_FORCE and VERTICAL, per weight."""
+    weight, p = -robot.mass * robot.gravity[2], m.q[k]
+    for c in range(3):
+        m.pushed[k, c] = 0.0
+    for h in range(2):
+        w = work.pushes[h]
+        m.pushed[k, 0] += (w[4] + p[2] * w[0] - p[0] * w[2]) / weight
+        m.pushed[k, 1] -= (w[3] + p[1] * w[2] - p[2] * w[1]) / weight
+        m.pushed[k, VERTICAL] -= w[2] / weight
 
 
 def wrench_rows(F: Matrix, p: Vector, weight: float, rows: Matrix) -> None:
@@ -172,6 +189,10 @@ def dynamics_violations(k: int, robot: Tables, task: KnotTargets, m: KnotMotion,
         violation[zmp + e] = (
             robot.normals[e, 0] * row[0] + robot.normals[e, 1] * row[1] - robot.zmp_offsets[e] * row[VERTICAL]
         )
+        if task.pushed:
+            by = m.pushed[k]
+            more = robot.normals[e, 0] * by[0] + robot.normals[e, 1] * by[1] - robot.zmp_offsets[e] * by[VERTICAL]
+            violation[zmp + e] += PUSHED_MORE * max(more, 0.0)
     rates = zmp + 2 * edge
     n = N_BODY - 6
     for i in range(n):

@@ -8,6 +8,10 @@ For joint j with axis S, twist V and acceleration A of the body before it (gravi
 and Coriolis matrix ``B = [0, -2 l x; 0, D - k x]`` changes its force by ``B psi_dot + I psi_ddot + S x* f`` for the
 position of the joint that carries it, and by ``B S + I (psi_dot + S_dot)`` for its velocity.
 
+What pushes a palm is taken off the forces on the bodies that carry it. It keeps its direction where these turn, so
+derivatives by position have the force ``g = w x f`` at the palm besides what a force that turned along would give; w is
+the angular part of the column of the joint.
+
 Source:
     Singh, Russo and Wensing 2022, "Efficient Analytical Derivatives of Rigid-Body Dynamics using Spatial Vector
     Algebra", RA-L 7(2), whose symbols are used.
@@ -16,7 +20,8 @@ Source:
 from __future__ import annotations
 
 from wholebody.jit.arrays import Matrix, Vector
-from wholebody.robot.kernels.spatial import add_cross_force, cross, cross_motion, dot6, momentum_of
+from wholebody.robot.kernels.frames import PALM_FRAME
+from wholebody.robot.kernels.spatial import add_cross_force, add_force_at, cross, cross_motion, dot6, momentum_of
 from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.layout import LOWER, N_BODY, TAU, UPPER
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
@@ -154,3 +159,52 @@ def torque_derivatives(j: int, force: Vector, D: Vector, S: Matrix, work: KnotSc
     by_q = dot6(force, work.psi_ddot[j]) + D[3] * psi_dot[3] + D[4] * psi_dot[4] + D[5] * psi_dot[5]
     by_v = dot6(force, work.psi_S_dot[j]) + D[3] * s[3] + D[4] * s[4] + D[5] * s[5]
     return by_q, by_v, dot6(force, s)
+
+
+def take_pushes(k: int, pushes: Vector, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
+    """Take the forces (6,) on both palms off those on the bodies that carry them, and find how they turn."""
+    for h in range(2):
+        frame, f, x, w = PALM_FRAME + h, pushes[3 * h : 3 * h + 3], work.palms[h], work.pushes[h]
+        body, p = robot.frame_body[frame], robot.frame_p[frame]
+        for a in range(3):
+            R = m.R[k, body, a]
+            x[a] = m.p[k, body, a] + R[0] * p[0] + R[1] * p[1] + R[2] * p[2]
+        w[:] = 0.0
+        add_force_at(x, f[0], f[1], f[2], w)
+        up = body
+        while up > 0:
+            for c in range(6):
+                work.f[up, c] -= w[c]
+            up = robot.parent[up]
+        for c in range(6):
+            work.f[0, c] -= w[c]
+        for j in range(N_BODY):
+            turn = work.push_turns[h, j]
+            turn[:] = 0.0
+            if robot.carries[frame, j]:
+                g = work.six[0]
+                cross(m.S[k, j, 3:], f, g)
+                add_force_at(x, g[0], g[1], g[2], turn)
+
+
+def turn_pushes(robot: Tables, work: KnotScratch) -> None:
+    """Add to `force_derivatives` that forces on the palms do not turn with the bodies."""
+    for h in range(2):
+        for j in range(N_BODY):
+            for c in range(6):
+                work.F[0, j, c] += work.push_turns[h, j, c]
+
+
+def turn_pushed_torques(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
+    """Add the same to the derivatives of torques by the joints before their own."""
+    for h in range(2):
+        frame = PALM_FRAME + h
+        for u in range(UPPER):
+            i = LOWER + u
+            if robot.carries[frame, i]:
+                s = m.S[k, i]
+                for j in range(6):
+                    work.lower[0, TAU + u, j] += dot6(s, work.push_turns[h, j])
+                for j in range(LOWER, i + 1):
+                    if robot.carries[frame, j]:
+                        work.upper[0, TAU + u, j - LOWER] += dot6(s, work.push_turns[h, j])

@@ -10,9 +10,17 @@ from wholebody.trajopt.kernels.dynamics_rows import (
     contact_wrench,
     dynamics_violations,
     project_dynamics,
+    pushed_rows,
     sole_accelerations,
 )
-from wholebody.trajopt.kernels.inverse_dynamics import force_derivatives, forward_pass, torques
+from wholebody.trajopt.kernels.inverse_dynamics import (
+    force_derivatives,
+    forward_pass,
+    take_pushes,
+    torques,
+    turn_pushed_torques,
+    turn_pushes,
+)
 from wholebody.trajopt.kernels.mid_velocities import mid_velocities
 from wholebody.trajopt.layout import LOAD
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
@@ -26,7 +34,7 @@ def place(robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch, fi
     """Everything that depends on the configurations of some knots, distances aside; puts the feet back in place."""
     for k in range(first, last):
         configuration_terms(k, robot, task, m, work)
-        static_torque(k, robot, m, work)
+        static_torque(k, robot, task, m, work)
 
 
 def between(robot: Tables, task: KnotTargets, m: KnotMotion, beside: KnotMotion, work: KnotScratch) -> None:
@@ -42,11 +50,18 @@ def rates(robot: Tables, task: KnotTargets, m: KnotMotion, beside: KnotMotion, w
         if task.between:
             torques_between(k, robot, task, m, beside, work)
         forward_pass(k, robot, m, work)
+        if task.pushed:
+            take_pushes(k, task.pushes[k], robot, m, work)
         force_derivatives(k, m, work)
+        if task.pushed:
+            turn_pushes(robot, work)
+            pushed_rows(k, robot, m, work)
         contact_wrench(k, robot, m, work)
         torques(k, robot, m, work)
+        if task.pushed:
+            turn_pushed_torques(k, robot, m, work)
         sole_accelerations(k, robot, m, work)
         project_dynamics(k, 0, AT_KNOT if k > 0 else AT_FIRST, task, m, m.J_dynamics[k], work)
         dynamics_violations(k, robot, task, m, LOAD + robot.normals.shape[0])
         approach_margin(k, robot, m, task.dt)
-        capture_point(k, robot, m)
+        capture_point(k, robot, task, m)

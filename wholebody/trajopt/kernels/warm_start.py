@@ -62,7 +62,7 @@ def follow_rows(
             m.violation[k, c] = -1.0
         for _ in range(passes):
             configuration_terms(k, robot, task, m, work)
-            static_torque(k, robot, m, work)
+            static_torque(k, robot, task, m, work)
             warm_start(k, robot, m, weights, penalties, system, work, sums)
 
 

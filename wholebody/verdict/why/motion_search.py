@@ -172,7 +172,9 @@ class MotionSearch:
     ) -> Witness:
         body, targets = self.begin.body, self.targets
         motion = body.q, body.v, targets.T_palms, targets.q_fingers
-        knots = self._planner.optimizer.plan_with_less(rows, seed, *motion, last, weights, Budget(SEARCH_MAX))
+        pushes = body.counted(targets.pushes, self._planner.config.posture.dt)
+        optimizer, budget = self._planner.optimizer, Budget(SEARCH_MAX)
+        knots = optimizer.plan_with_less(rows, seed, *motion, last, weights, budget, pushes=pushes)
         one = self.witness(knots)
         done.motions += 1
         done.first = done.first or one
@@ -205,6 +207,7 @@ class MotionSearch:
         planner, steps = self._planner, self.targets.steps
         curve = curve_through(steps, knots.q, self.begin.body.v)
         track = centroidal_along(curve, steps[0], steps[-1] + steps[1] - steps[0], planner.centroidal)
+        track = track.pushed(steps, knots)
         drift = planner.balance.capture_point_drift(track, 1.0) / planner.config.capture_point_drift_max
         deficit = planner.balance.friction_impulse_deficit(track, 1.0) / planner.config.friction_deficit_max
         return drift, deficit, planner.effort.strain(track, 1.0, steps[1] - steps[0])
