@@ -36,6 +36,11 @@ FAILED = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution:
 OF_LEVEL = {TickLevel.FAILED: FAILED, TickLevel.NO_HANDS: NO_HANDS}
 """What is said of a tick that could not do all of its program."""
 STANDING_LOST = StatusReport(Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped")
+HANGS = StatusReport(
+    Status.DAMPING,
+    Reason.STANDING_LOST,
+    "its legs met no floor when it began, as of a robot that hangs: joints damped; put it down, then `reset`",
+)
 LOWERING = StatusReport(Status.HOLD, Reason.LOWERING, "the robot goes into its crouch")
 LOWERED = StatusReport(
     Status.HOLD, Reason.LOWERED, "the robot crouches on stiff legs: the last command may be kept; `raise_` ends it"

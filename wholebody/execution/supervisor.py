@@ -262,12 +262,12 @@ class Supervisor(Commands):
         state, elapsed, fault = self.monitor.seen(state, now, self.last_tick, ahead)
         measured, blind = self.monitor.clock.now, self.monitor.bridged > GO_ON
         now = measured + ahead
-        if self.monitor.standing_lost:
+        if self.monitor.standing_lost or self._planted.hangs(state):
             self._states.on(Event.FELL)
         if self.state is State.FALLEN:
             self._now, self._last_state = now, state
             self.handover.cancel()
-            self.status = statuses.STANDING_LOST
+            self.status = statuses.HANGS if self._planted.hung else statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
         stepping = self._look_at_feet(state, now, blind)
         led = not (blind or self._lowering.active or stepping.coming)
