@@ -96,7 +96,7 @@ class CentroidalTrack:
     pushes: np.ndarray | None = None
 
     def pushed(self, steps: np.ndarray, knots: KnotTrajectory) -> CentroidalTrack:
-        """The same with the forces on the palms that its knots, at K parameters [s], count on."""
+        """Track with the forces on the palms that its knots, at K parameters [s], count on."""
         if knots.pushes is None:
             return self
         s, K = np.minimum(self.start + GRID * np.arange(self.com.shape[1]), steps[-1]), len(steps)
