@@ -12,7 +12,7 @@ from wholebody.walking.gait import TABLE, Gait, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole, between, on
-from wholebody.walking.readings import WalkReadings
+from wholebody.walking.readings import WalkReadings, rise
 from wholebody.walking.swing import EARLY, FROZEN, Swing
 
 COUNT = 4
@@ -69,6 +69,7 @@ class Walk:
         marches: Whether it steps on although its base rests.
         made: Number of steps made.
         adjusted: How far the last step is moved from its plan [m].
+        slope: By how much the floor of the step rises along world's axes, ``x + iy`` [m/m].
     """
 
     def __init__(self, seen: WalkReadings, sole: Sole, gait: Gait | None = None) -> None:
@@ -81,7 +82,7 @@ class Walk:
         self._left = self._elapsed = self._nominal_left = 0.0
         self.caught, self.apart, self._usual = False, False, self.gait
         self._steps: list[Footstep] = []
-        self._floor = 0.0
+        self._floor, self.slope = 0.0, 0j
 
     @property
     def wanted(self) -> bool:
@@ -114,8 +115,9 @@ class Walk:
         self._share_load(self._may_leave(seen))
         if self.swing is not None:
             goal, total = self._steps[0].sole, self._elapsed + max(self._left, dt)
+            floor = self._floor + rise(self.slope, goal.point - self.soles[self.stance].point)
             self.swing = self.swing.advance(
-                goal, self._floor, self.gait.lift, min(self._elapsed / total, 1.0), self._left, dt
+                goal, floor, self.gait.lift, min(self._elapsed / total, 1.0), self._left, dt
             )
 
     def _comes_to_rest(self) -> bool:
@@ -184,7 +186,7 @@ class Walk:
             foot = 1 - self.stance
             self._nominal_left, self._nominal = self._left, self._steps[0].sole
             self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot])
-            self._floor = seen.heights[self.stance]
+            self._floor, self.slope = seen.heights[self.stance], seen.slope
         elif state is Phase.RECOVER:
             self.guide.go_to(base_of(self.soles))
             middle = self._middle()

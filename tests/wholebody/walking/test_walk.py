@@ -4,6 +4,7 @@ Without a robot the gait is what is left: states follow their table, the base go
 a pushed capture point is caught by place and time of the step. A pendulum that is not stepped for falls at once.
 """
 
+from dataclasses import replace
 from math import exp
 
 import numpy as np
@@ -16,7 +17,7 @@ from wholebody.walking.gait import TABLE, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place, Velocity
 from wholebody.walking.pressure import Sole, between, on
-from wholebody.walking.readings import WalkReadings
+from wholebody.walking.readings import LEVEL, STEEPEST, WalkReadings, floor_under, rise
 from wholebody.walking.walk import WAITS, Walk
 
 OMEGA, DT, SOLE = 3.85, 0.002, Sole(0.073, 0.019)
@@ -183,6 +184,30 @@ def test_a_landing_is_not_put_off_again_and_again():
     while one.walk.state is Phase.SWING:
         one.run(DT)
         assert one.time < latest
+
+
+def test_a_floor_slopes_as_both_soles_do():
+    assert floor_under((0.05 + 0.02j, 0.06 + 0.01j)) == 0.05 + 0.01j
+    assert floor_under((0.1, 0.0)) == 0.0, "one sole is on an edge"
+    assert floor_under((0.05, -0.05)) == 0.0
+    assert floor_under((0.9 * LEVEL, LEVEL)) == 0.0
+    assert floor_under((0.3j, 0.4j)) == pytest.approx(STEEPEST * 1j)
+
+
+def test_a_foot_lands_where_a_floor_that_slopes_is():
+    one = Pendulum()
+    slope = 0.05 - 0.03j
+    flat = one.seen
+    one.seen = lambda: replace(flat(), heights=tuple(rise(slope, sole.point) for sole in one.soles), slope=slope)
+    one.walk.guide.follow(Velocity(0.3 + 0j))
+    landed = 0
+    for _ in range(2000):
+        swing = one.walk.swing
+        one.run(DT)
+        if swing is not None and one.walk.swing is None:
+            landed += 1
+            assert swing.height.x == pytest.approx(rise(slope, swing.place.point), abs=1e-3)
+    assert landed >= 4
 
 
 def test_a_foot_that_is_up_carries_nothing_and_one_that_is_lifted_is_relieved():

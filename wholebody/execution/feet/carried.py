@@ -5,6 +5,7 @@ from __future__ import annotations
 from cmath import exp
 
 import numpy as np
+import pinocchio as pin
 
 from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.control.reference_packet import ReferenceMemory
@@ -18,6 +19,14 @@ def about_z(angle: float) -> np.ndarray:
     turn = exp(1j * angle)
     c, s = turn.real, turn.imag
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def leaning(slope: complex) -> np.ndarray:
+    """Rotation of level axes onto a floor of a slope ``x + iy`` [m/m] by the shortest way, shape (3, 3)."""
+    if slope == 0j:
+        return np.eye(3)
+    up = np.array([0.0, 0.0, 1.0])
+    return pin.Quaternion.FromTwoVectors(up, up - np.array([slope.real, slope.imag, 0.0])).toRotationMatrix()
 
 
 def carry(planned: ReferenceMemory, begin: Place, guide: Guide, out: ReferenceMemory, *, palms: bool = True) -> None:

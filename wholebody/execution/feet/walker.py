@@ -13,7 +13,7 @@ from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PALM, PackedReference, ReferenceMemory, row_length
 from wholebody.control.weights import RECOVERING, WALKING, Weights
 from wholebody.errors import InputError
-from wholebody.execution.feet.carried import about_z, carry
+from wholebody.execution.feet.carried import about_z, carry, leaning
 from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
 from wholebody.robot.kernels.pendulum import natural_frequency
@@ -22,7 +22,7 @@ from wholebody.walking.catch import Catch, choose
 from wholebody.walking.gait import Gait, Phase
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
-from wholebody.walking.readings import WalkReadings
+from wholebody.walking.readings import WalkReadings, floor_under, rise
 from wholebody.walking.swing import Course, Swing
 from wholebody.walking.walk import Walk
 
@@ -174,45 +174,46 @@ class Walker:
         return PackedReference(row, Contacts(self._feet, walk.load), swing)
 
     def feet(self, state: RobotState) -> Feet:
-        """Both feet as measured, flat on a level floor."""
+        """Both feet as measured, flat on the floor of the walk."""
         seen = self._look(state)
-        heights = 2 * [sum(seen.heights) / 2.0]
-        return self._flat(seen.soles, heights)
+        return self._flat(seen.soles, sum(sole.point for sole in seen.soles) / 2.0, sum(seen.heights) / 2.0)
 
     def _look(self, state: RobotState) -> WalkReadings:
         model, data = self._model, self._data
         pin.centerOfMass(model, data, state.q, state.v)
         pin.updateFramePlacements(model, data)
         self._com, self._com_velocity = data.com[0].copy(), data.vcom[0].copy()
-        soles, heights = [], []
+        soles, heights, tilts = [], [], []
         for frame, middle in zip(self._frames, self._middles, strict=True):
             T = data.oMf[frame]
             x, y, z = (T.rotation @ middle + T.translation).tolist()
             soles.append(Place(complex(x, y), atan2(T.rotation[1, 0], T.rotation[0, 0])))
             heights.append(z)
+            tilts.append(-complex(T.rotation[0, 2], T.rotation[1, 2]) / T.rotation[2, 2])
         if self.walk is None:
             self._standing_height = float(self._com[2])
         floor = heights[self.walk.stance] if self.walk is not None else min(heights)
         omega = natural_frequency(float(self._com[2]) - floor)
         dcm = complex(*(self._com[:2] + self._com_velocity[:2] / omega))
         self._dcm = dcm
-        return WalkReadings(dcm, omega, tuple(soles), tuple(heights), state.stands)
+        return WalkReadings(dcm, omega, tuple(soles), tuple(heights), state.stands, floor_under(tilts))
 
     def _placed(self, seen: WalkReadings) -> Feet:
         """Both feet where the walk has them: a foot that is up where it is to land."""
-        return self._flat(self.walk.soles, 2 * [seen.heights[self.walk.stance]])
+        stance = self.walk.stance
+        return self._flat(self.walk.soles, self.walk.soles[stance].point, seen.heights[stance])
 
-    def _flat(self, soles: Sequence[Place], heights: Sequence[float]) -> Feet:
-        """Feet whose level soles are there, their middles at these heights [m]."""
-        poses = []
-        for sole, height, middle in zip(soles, heights, self._middles, strict=True):
-            R = about_z(sole.heading)
+    def _flat(self, soles: Sequence[Place], point: complex, z: float) -> Feet:
+        """Feet whose soles are there, on the floor of the walk that is so high at a point [m]."""
+        poses, slope = [], self.walk.slope
+        for sole, middle in zip(soles, self._middles, strict=True):
+            R, height = leaning(slope) @ about_z(sole.heading), z + rise(slope, sole.point - point)
             poses.append(pin.SE3(R, np.array([sole.point.real, sole.point.imag, height]) - R @ middle))
         return Feet.of(poses)
 
     def _lead_foot(self, row: np.ndarray, swing: Swing, foot: int) -> None:
         """Pose, twist and acceleration of the foot's frame for its sole's."""
-        R, middle = about_z(swing.heading.x), self._middles[foot]
+        R, middle = leaning(self.walk.slope) @ about_z(swing.heading.x), self._middles[foot]
         back = -(R @ middle)
         arm = complex(*back[:2])
         rate, change = swing.heading.v, swing.heading.a

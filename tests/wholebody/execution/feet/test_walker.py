@@ -45,6 +45,14 @@ def test_it_walks_stops_and_stands_with_its_palms_in_place(velocity):
     assert abs(one.base) > 0.15
 
 
+def test_it_walks_where_the_floor_rises_to_its_side():
+    """Its feet were set down level and as high as the one that stands: it fell at its third step."""
+    one = walk(told(Velocity(0.3 + 0j)), STOP + 4.0, ground="3 deg aside")
+    assert one.fell is None
+    assert one.stands
+    assert rms(one.errors) < 2e-3
+
+
 def test_it_steps_on_the_spot_with_its_palms_in_world():
     states = []
 
