@@ -8,6 +8,7 @@ touch    a hand or both into the table, a wall, the corridor's walls, a board ov
          0.4 m/s), depth (5 to 200 mm past the touch), place, fingers and phase are drawn
 brush    both thumbs brush a free carton of 1 kg
 pulls    a force on a palm that grows slowly, 16 directions at 3 postures, beside what soles and torques allow at rest
+told     45 N on the right palm that the script tells, ahead and back, at 3 postures; then 55 N
 bumps    5 N s in 20 ms at a wrist, 6 directions at 3 postures
 handed   1 kg put into a hand at 3 postures, and taken from it 3 s later, told by nobody
 tasks    the scripted tasks, told which forces they meet and untold, and whether they came to what they are for
@@ -49,6 +50,8 @@ BUMP = 5.0
 """Impulse of a bump [N s]; the issue's."""
 RAMP, BEYOND = 8.0, 1.15
 """Time in which a pull grows to what the soles allow [s], and how far beyond that it goes."""
+TOLD = 45.0, 55.0
+"""Pulls that are told [N]; chosen: past the 40 N of a drawer."""
 FRICTION = {False: 0.8, True: 0.6}
 """Of the floor, for the true and the realistic robot."""
 LEVEL = [np.array([np.cos(a), np.sin(a), 0.0]) for a in 0.25 * np.pi * np.arange(8)]
@@ -153,6 +156,25 @@ def run_pulls(case: int, seed: int, robot: int | None) -> dict:
     }  # fmt: skip
 
 
+def run_told(case: int, seed: int, robot: int | None) -> dict:
+    """A case of `told`: a pull that grows in 3 s, stays for 3 s and is told."""
+    name, u = list(POSTURES)[case // 2 % 3], LEVEL[4 * (case % 2)]
+    size = TOLD[case // 6 % 2]
+    still, phase = posture(name, 8.0), float(np.random.default_rng((seed, case)).uniform(0.0, 0.8))
+
+    def force(t: np.ndarray) -> np.ndarray:
+        return size * np.interp(t, (4.0, 7.0, 10.0, 10.5), (0.0, 1.0, 1.0, 0.0))[..., None] * u
+
+    def script(t: np.ndarray) -> ScriptedMotion:
+        return replace(still.script(t), f_world_rpalm=force(t))
+
+    pull = "right", lambda time, q: force(np.array(time - 1.0 - phase))
+    run = Run(ScriptedPolicy("told", script, still.duration), "floor", seed=robot, phase=phase, pull=pull, hold=1.0)
+    on = (run.times > run.settle + 7.0) & (run.times < run.settle + 10.0)
+    away = {"away_mm": round(1e3 * float(run.errors[on, 1].max(initial=0.0)), 1)}
+    return {"family": name} | run.told() | away | {"direction": u.tolist()}
+
+
 def run_bumps(case: int, seed: int, robot: int | None) -> dict:
     """A case of `bumps`."""
     rng = np.random.default_rng((seed, case))
@@ -225,7 +247,7 @@ def done(name: str, run: Run) -> tuple[bool, float]:
 
 
 KINDS = {"touch": (run_touch, 40), "brush": (run_brush, 6), "pulls": (run_pulls, 48), "bumps": (run_bumps, 18)}
-KINDS |= {"handed": (run_handed, 12), "tasks": (run_tasks, 2 * len(TASKS))}
+KINDS |= {"handed": (run_handed, 12), "told": (run_told, 12), "tasks": (run_tasks, 2 * len(TASKS))}
 """Runs a case of each kind, and how many there are if nothing is said."""
 
 
