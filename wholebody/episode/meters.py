@@ -18,6 +18,7 @@ from wholebody.robot.plant import Plant
 from wholebody.robot.standing import pelvis_tilt
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.limit_monitor import LimitMonitor
+from wholebody.sim.motor_heat import HeatMeter
 from wholebody.types import Reason, RobotState, Status, StatusReport
 
 
@@ -29,6 +30,7 @@ class Meters:
         self.result = EpisodeResult(start=start, execution=executor.report, orientation_free=free)
         self._tracking_error = TrackingError(supervisor)
         self._seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
+        self._heat = HeatMeter(plant)
         self._plan: PlanReport | None = None
         self._came: dict[float, float] = {}  # when the chunk of an observation came, until one is followed [s]
         self._chunk: ActionChunk | None = None
@@ -79,6 +81,7 @@ class Meters:
     def after(self, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
         """Take note of the state that it led to."""
         self._limits.look(state.time, supervisor.contacts)
+        self._heat.look()
         _count(self.result, supervisor, plant, state)
 
     def finish(self, supervisor: ChunkExecutor) -> EpisodeResult:
@@ -87,6 +90,7 @@ class Meters:
         result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
         result.palms = self._tracking_error.result()
         result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
+        result.heat = self._heat.hottest()
         result.margin, result.creep, result.steps = limits.margin, limits.creep, limits.steps
         faults = (event for event in result.execution.events if event.code != Reason.STARVED)
         result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]

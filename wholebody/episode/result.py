@@ -11,6 +11,7 @@ from wholebody.episode.chunk_seams import ChunkSeam
 from wholebody.episode.tracking_error import PalmErrors
 from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import LimitExcess, StepMade
+from wholebody.sim.motor_heat import MotorHeat
 from wholebody.types import Reason
 
 
@@ -51,6 +52,7 @@ class EpisodeResult:
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest distance that a sole slid [m].
         steps: Feet that were set down.
+        heat: Motors that were heated most, an ankle first.
         tilt: Largest pelvis tilt [rad].
         refusals: Chunks that were refused or never came.
         notes: What decoding changed in the chunks or found odd.
@@ -80,6 +82,7 @@ class EpisodeResult:
     margin: float = float("inf")
     creep: float = 0.0
     steps: list[StepMade] = field(default_factory=list)
+    heat: list[MotorHeat] = field(default_factory=list)
     tilt: float = 0.0
     refusals: list[Refusal] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)

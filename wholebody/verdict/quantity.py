@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wholebody.sim.limit_monitor import StepMade
+from wholebody.sim.motor_heat import MotorHeat
 
 FOR_PEOPLE = {
     "m": (1e3, " mm"),
@@ -81,3 +82,14 @@ def stepped(steps: Sequence[StepMade]) -> str:
     named = f"the last {places}" if len(steps) > NAMED else places
     slip, load = max(one.slip for one in steps), max(one.load for one in steps)
     return f"{len(steps)}: {named}; a sole slid {1e3 * slip:.1f} mm at most, a landing pressed with {load:.0f} N"
+
+
+def heated(motors: Sequence[MotorHeat]) -> str:
+    """Motors with their mean torque, and how much that heats them beside a robot that stands."""
+    return "; ".join(map(_heated, motors))
+
+
+def _heated(one: MotorHeat) -> str:
+    name = one.joint.removesuffix("_joint").replace("_", " ")
+    beside = "" if one.of_stance is None else f", {digits(one.of_stance, 2)} times the heat of standing"
+    return f"{name} {digits(one.torque_rms_nm, 2)} N m RMS, {one.share:.0%} of its most{beside}"

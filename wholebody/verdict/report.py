@@ -14,7 +14,7 @@ from wholebody.planning.judgement.limits import Margin
 from wholebody.types import PalmCause, Reason
 from wholebody.verdict.calibration.odds import Chance, Odds
 from wholebody.verdict.causes import Tick
-from wholebody.verdict.quantity import at, due, quantity, size_text, stepped, when
+from wholebody.verdict.quantity import at, due, heated, quantity, size_text, stepped, when
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import ELSEWHERE, Severity, Violation
@@ -87,6 +87,7 @@ def lines(verdict: Verdict) -> list[str]:
     room = "" if margin is None else f"centre of pressure at least {round(1e3 * margin)} mm inside the soles; "
     text.append(f"  balance  {room}feet slid {1e3 * verdict.creep_m:.1f} mm")
     text += [f"  steps    {stepped(verdict.steps)}"] if verdict.steps else []
+    text += [f"  heat     {heated(verdict.heat)}"] if verdict.heat else []
     text.append(f"  chunks   {verdict.timing.text()}")
     if verdict.fast is not None:
         by = "a preview" if verdict.decided_by == "preview" else "its plan"

@@ -17,6 +17,7 @@ from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.sim.limit_monitor import StepMade
+from wholebody.sim.motor_heat import MotorHeat
 from wholebody.types import Reason
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.causes import Tick, Why, WouldDo
@@ -67,6 +68,7 @@ class Verdict:
         pressure_margin_m: Least distance of the centre of pressure from the edge of the soles [m].
         creep_m: How far a sole slid [m].
         steps: Feet that were set down; none where the robot stood, and by the fast check, which takes no step.
+        heat: Motors that were heated most, an ankle first; none by the fast check.
         timing: Latency, starvation and seams.
         config: The controller's configuration.
         versions: Versions that the answer depends on.
@@ -113,6 +115,7 @@ class Verdict:
     pressure_margin_m: float | None = None
     creep_m: float = 0.0
     steps: list[StepMade] = field(default_factory=list)
+    heat: list[MotorHeat] = field(default_factory=list)
     timing: Timing = field(default_factory=Timing)
     config: dict = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
@@ -198,6 +201,7 @@ def verdict_of(
         pressure_margin_m=result.margin if isfinite(result.margin) else None,
         creep_m=result.creep,
         steps=list(result.steps),
+        heat=list(result.heat),
         timing=timing(result),
         config=config or {},
         versions=dict(_versions()),
