@@ -22,7 +22,9 @@ SPEEDS = {
     "0.3 ahead": Velocity(0.3 + 0j),
     "0.4 ahead": Velocity(0.4 + 0j),
     "0.2 back": Velocity(-0.2 + 0j),
+    "0.25 back": Velocity(-0.25 + 0j),
     "0.15 aside": Velocity(0.15j),
+    "0.2 aside": Velocity(0.2j),
     "0.5 rad/s": Velocity(0j, 0.5),
     "0.3, 0.3 rad/s": Velocity(0.3 + 0j, 0.3),
 }
@@ -48,11 +50,15 @@ def spot(seeds, realistic, **_):
         yield f"spot {seed}", walk(tell, 20.0 + AFTER, seed=seed if realistic else None), 20.0
 
 
-def speeds(seeds, realistic, **_):
-    for name, velocity in SPEEDS.items():
+def speeds(seeds, realistic, speed, **_):
+    for name in speed or SPEEDS:
         for seed in seeds:
             stop = START + WALKING
-            yield f"{name}, {seed}", walk(told(velocity, stop), stop + AFTER, seed=seed if realistic else None), stop
+            yield (
+                f"{name}, {seed}",
+                walk(told(SPEEDS[name], stop), stop + AFTER, seed=seed if realistic else None),
+                stop,
+            )
 
 
 def grounds(seeds, realistic, ground, **_):
@@ -95,13 +101,13 @@ def main():
     parser.add_argument("last", type=int)
     parser.add_argument("--realistic", action="store_true", help="seeds of realistic worlds, the state estimated")
     parser.add_argument("--impulse", type=float, default=8.0, help="of a push [N s]")
+    parser.add_argument("--speed", nargs="+", choices=SPEEDS, help="speeds to walk with; all if not given")
     parser.add_argument("--ground", nargs="+", choices=GROUNDS, help="grounds to walk on; all if not given")
     given = parser.parse_args()
     runs = {"spot": spot, "speeds": speeds, "stops": stops, "pushes": pushes, "grounds": grounds}[given.what]
     found = []
-    for name, one, stop in runs(
-        range(given.first, given.last), given.realistic, impulse=given.impulse, ground=given.ground
-    ):
+    told_of = {"impulse": given.impulse, "speed": given.speed, "ground": given.ground}
+    for name, one, stop in runs(range(given.first, given.last), given.realistic, **told_of):
         off = 1e3 * one.errors[250:]
         row = (rms(off), off.max(), off[-1], one.stopped - stop, one.made)
         found.append((one.fell is not None, one.stands, *row))

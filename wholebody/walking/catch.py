@@ -29,7 +29,9 @@ INSIDE = 0.04
 WORSE = 0.02
 """How much further from the middle of the soles the capture point is taken to be [m]; measured: pushed by 15 N s at 135
 degrees it got on so much less in a shift of the weight than a pendulum does, since its trunk leans."""
-RECOVERY = {"swing": 0.36, "double": 0.1, "ahead": 0.5, "wide": 0.4, "sooner": 0.75, "later": 1.2, "height": 0.64}
+RECOVERY = {
+    "swing": 0.36, "double": 0.1, "ahead": 0.5, "wide": 0.4, "sooner": 0.75, "later": 1.2, "height": 0.64, "lift": 0.05,
+}  # fmt: skip
 """What the gait of a step has that catches the robot [units as in `Gait`]; chosen: two thirds of the time of a walk,
 and the centre of mass lower, since a long step stretches the leg behind."""
 

@@ -68,11 +68,12 @@ class Gait:
     """Time in which it goes between both again, at least [s]."""
     pause: float = 0.7
     """Time for which the feet stay after a step that caught the robot, at least [s]."""
-    lift: float = 0.05
-    """Height of the sole in the middle of a swing [m]."""
+    lift: float = 0.04
+    """Height of the sole in the middle of a swing [m]; measured: with 0.05 one of 3 realistic robots fell at 0.4 m/s,
+    and none of 6 with this."""
     height: float = 0.66
     """Height of the centre of mass over the soles [m]."""
-    ahead: float = 0.32
+    ahead: float = 0.4
     """Largest step ahead or back, from the stance foot [m]."""
     narrow: float = 0.15
     """Least distance of the soles to the side [m]."""
