@@ -106,6 +106,7 @@ def grasped(supervisor, duration):
     return slip, height[-1] - height[0], tilt, result
 
 
+@pytest.mark.regression
 def test_the_hand_closes_on_a_cylinder_and_lifts_it():
     # At 250 Hz it takes half the time to simulate; the full study below runs at 500 Hz.
     slip, gained, tilt, result = grasped(Supervisor(SPEC, ControllerConfig(dt=0.004)), LIFTED + 0.2)

@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from models.conversion import motor_to_pin
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.robot.plant import Plant
@@ -87,7 +86,7 @@ def stance_torques(spec: RobotSpec) -> np.ndarray:
     The floor carries it under its centre of mass, each sole as much as that is nearer to it, without force across.
     """
     model = load_pinocchio(spec)
-    data, order = model.createData(), motor_to_pin(spec, model)
+    data, order = model.createData(), spec.indices(list(model.names)[2:])  # motor order to that of the model
     q = np.concatenate([spec.stance.base_position, spec.stance.base_quat_xyzw, spec.stance.joints[order]])
     tau = pin.computeGeneralizedGravity(model, data, q).copy()
     com = pin.centerOfMass(model, data, q)

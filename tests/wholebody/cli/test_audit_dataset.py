@@ -92,6 +92,7 @@ def test_a_hand_out_of_reach_is_led_back_and_the_pictures_stay(tmp_path, wrists)
     np.testing.assert_allclose(np.stack([after[i]["action"] for i in range(12)]), asked[0], atol=1e-6)
 
 
+@pytest.mark.regression
 def test_a_hand_too_fast_is_slowed_down_where_no_video_has_to_be_encoded_anew(tmp_path, wrists):
     made = convert_dataset(write_v30(tmp_path / "joints", cameras=False), tmp_path / "wrists").folder
     once = [0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, n)) for n in LENGTHS]

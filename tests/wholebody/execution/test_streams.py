@@ -38,6 +38,7 @@ def test_targets_that_are_told_one_at_a_time_are_followed_within_millimetres_and
     assert name != "reach" or followed.drift <= 1e-3, "the reach has ended and is held"
 
 
+@pytest.mark.regression
 def test_plans_of_a_target_that_is_held_stay_alike(robot):
     """Each began with the body's own velocity and threw it the other way: at 11 s one spent 0.69 of a tolerance.
 

@@ -194,6 +194,7 @@ def test_a_map_that_lies_takes_no_verdict_from_a_chunk():
         assert told.decided_by == decided_by
 
 
+@pytest.mark.regression
 def test_a_picture_of_the_map_is_drawn_by_the_command(tmp_path):
     done = CliRunner().invoke(app, ["reachability", "--sheet", str(tmp_path / "map.png")])
     assert done.exit_code == 0, done.output

@@ -52,6 +52,7 @@ def test_of_a_load_that_is_too_heavy_less_would_do():
     assert repairer.holds(one.chunk)
 
 
+@pytest.mark.regression
 def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them_too():
     checker = FastChecker(told(LOAD))
     repairer = checker.repairer(levelled())
@@ -123,6 +124,7 @@ def test_what_was_repaired_is_feasible_as_it_is_played_back_in_windows(checker):
     assert checker.check(policy, "repaired", policy.duration).verdict == "feasible"
 
 
+@pytest.mark.regression
 def test_noise_that_is_too_much_to_be_taken_out_is_slowed_down(checker):
     chunk = sent(to=(0.2, 0.05, 0.1), time=1.6)
     chunk.T_world_lhand[:, :3, 3] += np.random.default_rng(3).normal(size=(len(chunk), 3)) * 0.02

@@ -173,6 +173,7 @@ def test_where_the_time_ended_before_all_was_looked_for_that_is_said(monkeypatch
     assert any("there may be more causes" in line for line in lines(verdict))
 
 
+@pytest.mark.regression
 def test_what_is_found_side_by_side_is_what_is_found_one_after_the_other():
     """Searches from several starts go on in threads, each with a judge of its own, as many as there are cores."""
     checker, chunk = FastChecker(), sent(to=(0.5, 0.0, 0.0), time=1.5)
@@ -184,6 +185,7 @@ def test_what_is_found_side_by_side_is_what_is_found_one_after_the_other():
     assert answers[0] == answers[1]
 
 
+@pytest.mark.regression
 def test_a_search_that_is_given_up_has_no_cause_and_says_so(monkeypatch):
     for work in ("SET_WORK", "CAUSES_WORK", "WHY_WORK"):
         monkeypatch.setattr(explainer, work, 0.0)
