@@ -275,7 +275,7 @@ class Supervisor(Commands):
             self.handover.cancel()
         self._exchange(now)
         follows = not (self._reflex.active or stepping.active)
-        self.touch.asked.counted.flat = 0.0 if self.plan is None else self.plan.pushes_at(follower.s)
+        self.touch.asked.counted[:] = 0.0 if self.plan is None else self.plan.pushes_at(follower.s).reshape(2, 3)
         self.carrying.look(state, follower.row, elapsed, self.monitor.age, follows)
         self.motors.look(self.monitor.fresh, measured)
         if led:
