@@ -113,7 +113,7 @@ def _require_size(kind: type[PreTrainedPolicy], config: PreTrainedConfig, most: 
         with quiet(), torch.device("meta"):
             numbers = sum(tensor.numel() for tensor in kind(config).state_dict().values())
     except (RuntimeError, KeyError, ValueError, OSError, ImportError, NotImplementedError):
-        return
+        return  # one that cannot be built without memory; where it cannot be built at all, building it says why
     if numbers > most:
         text = f"config.json describes a network of {numbers:,} numbers, which is more than {than}"
         raise fail("weights", text, "take config.json and weights from the same training run")

@@ -14,14 +14,7 @@ from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.configuration_terms import composite_inertias
 from wholebody.trajopt.kernels.dynamics_rows import project_dynamics
 from wholebody.trajopt.kernels.fixed_feet_kinematics import integrate
-from wholebody.trajopt.kernels.inverse_dynamics import (
-    force_derivatives,
-    forward_pass,
-    take_pushes,
-    torques,
-    turn_pushed_torques,
-    turn_pushes,
-)
+from wholebody.trajopt.kernels.inverse_dynamics import subtree_forces, torque_rows
 from wholebody.trajopt.layout import LOWER, N_BETWEEN, N_BODY, N_JOINTS, TAU, UPPER
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
@@ -63,15 +56,8 @@ def torques_between(
         place_base(q, R[0], p[0], S)
         place_bodies(q, robot.bodies, robot.parent, 1, N_JOINTS + 1, R, p, S)
         composite_inertias(robot, R, p, S, beside.inertia[0], beside.I_composite[0], beside.F[0])
-        forward_pass(0, robot, beside, work)
-        if task.pushed:
-            take_pushes(0, task.pushes[k], robot, beside, work)
-        force_derivatives(0, beside, work)
-        if task.pushed:
-            turn_pushes(robot, work)
-        torques(0, robot, beside, work)
-        if task.pushed:
-            turn_pushed_torques(0, robot, beside, work)
+        subtree_forces(0, k, robot, task, beside, work)
+        torque_rows(0, robot, task, beside, work)
         each = 1.0 if k > 0 else 2.0
         back, beyond = -HALFWAY * dt * (1 - side) - curved * dt, HALFWAY * dt * side + each * curved * dt
         later = 0.5 + sign * TURNED if k > 0 else each * TURNED

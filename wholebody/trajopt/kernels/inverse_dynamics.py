@@ -22,9 +22,26 @@ from __future__ import annotations
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.kernels.spatial import add_cross_force, add_force_at, cross, cross_motion, dot6, momentum_of
-from wholebody.trajopt.arrays import Tables
+from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.layout import LOWER, N_BODY, TAU, UPPER
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
+
+
+def subtree_forces(k: int, row: int, robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
+    """Forces on the subtrees of a knot and their derivatives, with those on the palms in a row of the task."""
+    forward_pass(k, robot, m, work)
+    if task.pushed:
+        take_pushes(k, task.pushes[row], robot, m, work)
+    force_derivatives(k, m, work)
+    if task.pushed:
+        turn_pushes(robot, work)
+
+
+def torque_rows(k: int, robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
+    """Rows TAU of a knot, after `subtree_forces`."""
+    torques(k, robot, m, work)
+    if task.pushed:
+        turn_pushed_torques(k, robot, m, work)
 
 
 def forward_pass(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:

@@ -13,14 +13,7 @@ from wholebody.trajopt.kernels.dynamics_rows import (
     pushed_rows,
     sole_accelerations,
 )
-from wholebody.trajopt.kernels.inverse_dynamics import (
-    force_derivatives,
-    forward_pass,
-    take_pushes,
-    torques,
-    turn_pushed_torques,
-    turn_pushes,
-)
+from wholebody.trajopt.kernels.inverse_dynamics import subtree_forces, torque_rows
 from wholebody.trajopt.kernels.mid_velocities import mid_velocities
 from wholebody.trajopt.layout import LOAD
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
@@ -49,17 +42,11 @@ def rates(robot: Tables, task: KnotTargets, m: KnotMotion, beside: KnotMotion, w
     for k in range(m.q.shape[0]):
         if task.between:
             torques_between(k, robot, task, m, beside, work)
-        forward_pass(k, robot, m, work)
+        subtree_forces(k, k, robot, task, m, work)
         if task.pushed:
-            take_pushes(k, task.pushes[k], robot, m, work)
-        force_derivatives(k, m, work)
-        if task.pushed:
-            turn_pushes(robot, work)
             pushed_rows(k, robot, m, work)
         contact_wrench(k, robot, m, work)
-        torques(k, robot, m, work)
-        if task.pushed:
-            turn_pushed_torques(k, robot, m, work)
+        torque_rows(k, robot, task, m, work)
         sole_accelerations(k, robot, m, work)
         project_dynamics(k, 0, AT_KNOT if k > 0 else AT_FIRST, task, m, m.J_dynamics[k], work)
         dynamics_violations(k, robot, task, m, LOAD + robot.normals.shape[0])
