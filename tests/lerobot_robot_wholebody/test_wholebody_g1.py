@@ -273,6 +273,7 @@ def test_a_gate_holds_what_cannot_be_done_and_the_robot_stays_at_the_target_befo
     assert not robot.report["fell"]
 
 
+@pytest.mark.regression
 def test_an_expert_picks_up_the_cylinder_and_it_is_put_back_for_the_next_episode(tmp_path):
     robot = made(tmp_path, task="pick", seed=1, id="picker")
     expert = WholebodyExpert(WholebodyExpertConfig(calibration_dir=tmp_path, robot_id="picker"))

@@ -36,6 +36,7 @@ def at_table():
     return Checker("table_cylinder", episode=EpisodeConfig(hold=0.5))
 
 
+@pytest.mark.regression
 def test_the_cylinder_is_picked_up_and_put_down_on_the_spot(at_table):
     policy, recorder = open_source("learned_place#1", None, None), at_table.recorder()
     verdict, _ = at_table.check(policy, policy.name, policy.duration, recorder=recorder)

@@ -228,6 +228,7 @@ def test_a_hand_that_wipes_feels_the_force_that_it_is_told():
     assert run.result.scene_contacts == {}
 
 
+@pytest.mark.regression
 def test_a_hand_that_wipes_with_something_in_it_presses_no_harder_by_its_weight():
     """It rested on the table with half of a kilogram that nobody told, and was taken to carry nothing: 15 N."""
     run = Run(wipe(seconds=6.0), "table", loads=[(0.0, (0.5, 0.0))])

@@ -58,6 +58,7 @@ def test_fast_hands_that_leave_the_reach_do_not_draw_the_body_after_them(robot):
     assert not fast[-500:].any(), "a plan leads them again"
 
 
+@pytest.mark.regression
 def test_a_robot_that_goes_back_does_so_though_targets_come(robot):
     """Each target asked for a plan anew: it stood still and went back by turns every 0.1 s, and sank till it fell."""
     fall, _ = hostile_targets(*robot, 1, seconds=7.5)

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 
 import numpy as np
+import pytest
 
 from models import g1
 from policy.kinematics.forward import kinematics
@@ -21,6 +22,7 @@ def test_chunks_judged_by_four_threads_are_told_the_same_as_one_by_one():
     assert in_threads(told, cases, 4) == alone
 
 
+@pytest.mark.regression
 def test_outcomes_as_given_are_the_same_in_threads():
     def outcome(chunk):
         found = as_given(chunk)

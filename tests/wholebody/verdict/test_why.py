@@ -164,6 +164,7 @@ def test_without_being_asked_nobody_looks_for_causes():
     assert judge(sent(to=(2.0, 0.0, 0.0), time=1.5)).causes == []
 
 
+@pytest.mark.regression
 def test_where_the_time_ended_before_all_was_looked_for_that_is_said(monkeypatch):
     monkeypatch.setattr(explainer, "CAUSES_WORK", 0.0)
     monkeypatch.setattr(explainer, "WHY_WORK", 0.0)
