@@ -69,7 +69,7 @@ class WholebodyPage(HandsTeleoperator):
         spec = robot.numbers.spec.robot
         self._pin = load_pinocchio(spec)
         self._order = [spec.joint_names.index(name) for name in list(self._pin.names)[2:]]
-        self._page = PageProcess(World(spec, robot.scene), [HANDS], HOST, self.config.port, disturbs=False)
+        self._page = PageProcess(World(spec, robot.scene), [HANDS], HOST, self.config.port, ["hands"])
         self.address = self._page.address
         logger.warning("drag the hands at %s", self.address)
         self._state: RobotState | None = None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import socket
 from collections import deque
+from collections.abc import Sequence
 from select import select
 from time import monotonic
 
@@ -19,6 +20,7 @@ from models.conversion import Conversion
 from models.moving_bodies import moving_joints, put
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
+from models.spec import RobotSpec
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.live import wire
 from wholebody.live.door import Door
@@ -30,6 +32,7 @@ from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.sim.pictures.meshes import Part, parts
 from wholebody.sim.pictures.scene import Scene
+from wholebody.types import Reason
 
 FPS = 30.0
 """Pictures a second [Hz]; chosen: what a browser shows smoothly."""
@@ -40,6 +43,8 @@ MOVED_VISIBLY = 2e-4
 """Change of a coordinate from which the robot has moved since the last picture [rad, m]; chosen: a third of a pixel."""
 GHOST_OPACITY = 0.25
 """Opacity of the robot where its plan ends, a share; chosen."""
+LIFTED = 0.01
+"""Height of a sole over the other one from which it carries nothing [m]; chosen: a fifth of a step's."""
 
 
 class Page:
@@ -49,13 +54,13 @@ class Page:
         world: Where the robot stands.
         sources: Names that can be chosen.
         host, port: Where it is served.
-        disturbs: Whether people can also choose a source, stop time and disturb the robot; else they close its hands.
+        controls: What people can do beside dragging its hands, some of `wholebody.live.panel.CONTROLS`.
 
     Attributes:
         address: Where it can be opened, with the token without which it cannot.
     """
 
-    def __init__(self, world: World, sources: list[str], host: str, port: int, disturbs: bool = True) -> None:
+    def __init__(self, world: World, sources: list[str], host: str, port: int, controls: Sequence[str]) -> None:
         spec = world.robot
         self._spec, self._pin = spec, load_pinocchio(spec)
         self._pin_data = self._pin.createData()
@@ -66,7 +71,6 @@ class Page:
         mujoco.mj_forward(self._model, self._data)
         self._conversion = Conversion(spec, self._pin, self._model)
         self._palms = palm_frame_ids(spec, self._pin)
-        self._support = _support(spec, self._model, self._data)
         self._sources, self._wishes = sources, deque()
         self._door = Door(host)
         with self._door.guarding():
@@ -80,7 +84,7 @@ class Page:
         self._make_handles()
         pin.framesForwardKinematics(self._pin, self._pin_data, stance)
         self._hold(np.array([self._pin_data.oMf[frame].homogeneous for frame in self._palms]))
-        self._panel = SidePanel(self._server.gui, self._door, sources, self._wishes.append, disturbs)
+        self._panel = SidePanel(self._server.gui, self._door, sources, self._wishes.append, controls)
 
     def _draw_world(self, bodies: list[Part]) -> None:
         """Meshes of robot and scene, each below a frame that follows its body; and the same as a ghost."""
@@ -163,6 +167,7 @@ class Page:
     def _show(self, glance: Snapshot, view: WorldView) -> Scene:
         state = glance.state
         self._place(self._frames, state.q, view.objects)
+        support = _support(self._spec, self._data)
         planned = bool(np.isfinite(glance.planned).all())
         # Every frame that is placed costs a message, and a plan stays for many pictures.
         if planned and not np.array_equal(glance.planned, self._ghost_at):
@@ -181,7 +186,7 @@ class Page:
             asked=followed.asked,
             commanded=followed.commanded,
             measured=np.array([self._pin_data.oMf[frame].homogeneous for frame in self._palms]),
-            support=self._support,
+            support=support,
             pressure=view.pressure,
             com=com,
             capture_point=capture,
@@ -190,7 +195,8 @@ class Page:
             rate=followed.rate,
         )
         self._marks.show(scene.marks())
-        if not self._dragging and self._sources[glance.source] != HANDS:
+        led = self._sources[glance.source] != HANDS or status.reason is Reason.WALKING
+        if led and not self._dragging:
             self._hold(followed.commanded)
         return scene
 
@@ -210,9 +216,9 @@ class Page:
             frame.position, frame.wxyz = body.xpos.copy(), body.xquat.copy()
 
 
-def _support(spec: object, model: mujoco.MjModel, data: mujoco.MjData) -> SupportPolygon:
-    """Where the robot stands in its stance."""
-    points = [
-        data.body(foot.frame).xpos + foot.points @ data.body(foot.frame).xmat.reshape(3, 3).T for foot in spec.feet
-    ]
-    return convex_polygon(np.vstack(points)[:, :2])
+def _support(spec: RobotSpec, data: mujoco.MjData) -> SupportPolygon:
+    """Where the robot stands: the outline of its soles, without one that is lifted."""
+    bodies = [(foot, data.body(foot.frame)) for foot in spec.feet]
+    soles = [body.xpos + foot.points @ body.xmat.reshape(3, 3).T for foot, body in bodies]
+    floor = min(sole[:, 2].min() for sole in soles)
+    return convex_polygon(np.vstack([sole for sole in soles if sole[:, 2].min() < floor + LIFTED])[:, :2])

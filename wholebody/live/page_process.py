@@ -6,7 +6,7 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from multiprocessing import get_context
 
 import numpy as np
@@ -29,7 +29,7 @@ class PageProcess:
         sources: Names that can be chosen; the first one runs.
         host: Address that the page is served at.
         port: Its port; the next free one if it is taken.
-        disturbs: Whether people can also choose a source, stop time and disturb the robot; else they close its hands.
+        controls: What people can do beside dragging its hands, some of `wholebody.live.panel.CONTROLS`.
 
     Raises:
         InputError: If it cannot be served, or the packages that it needs are missing.
@@ -39,12 +39,12 @@ class PageProcess:
         robot_end: For the robot's process, which tells the page about the world.
     """
 
-    def __init__(self, world: World, sources: list[str], host: str, port: int, disturbs: bool = True) -> None:
+    def __init__(self, world: World, sources: list[str], host: str, port: int, controls: Sequence[str]) -> None:
         context = get_context("spawn")
         self._end, loop = wire.wire()
         self.robot_end, robot = wire.wire()
         here, there = context.Pipe()
-        arguments = (loop, robot, there, world, sources, host, port, disturbs)
+        arguments = (loop, robot, there, world, sources, host, port, controls)
         self._process = context.Process(target=_main, args=arguments, name="page", daemon=True)
         self._process.start()
         for end in (loop, robot, there):
@@ -89,7 +89,7 @@ def _main(
     sources: list[str],
     host: str,
     port: int,
-    disturbs: bool,
+    controls: Sequence[str],
 ) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pacing.give_way()
@@ -98,7 +98,7 @@ def _main(
     try:
         from wholebody.live.page import Page
 
-        page = Page(world, sources, host, port, disturbs)
+        page = Page(world, sources, host, port, controls)
     except ImportError as error:
         there.send(f"the page needs the package {error.name}: pip install 'g1-wholebody[live]', or say --headless")
         return

@@ -21,6 +21,8 @@ LINES_PER_S = 10.0
 PUSH_DURATION = 0.1
 """How long a push lasts [s]; definition of the pushes in `docs/measured.md`."""
 SIDES = ("left", "right")
+CONTROLS = "run", "walk", "disturb", "hands"
+"""What a panel can have: source and time, where the robot is sent, what disturbs it, how far its hands are closed."""
 LINES = {"balance margin": "mm", "palm error": "mm", "tick": "ms", "planning": "ms"}
 """Time lines and their units; those of a loop's own time are left out where there is no loop beside the page."""
 
@@ -33,7 +35,7 @@ class SidePanel:
         door: Lets in what the controls send.
         sources: Names that can be chosen.
         wish: Takes what a person wants: a command and its numbers.
-        disturbs: Whether people can choose a source, stop time and disturb the robot; else they close its hands.
+        controls: What people can do there, some of `CONTROLS`.
     """
 
     def __init__(
@@ -42,18 +44,17 @@ class SidePanel:
         door: Door,
         sources: Sequence[str],
         wish: Callable[[tuple[UserCommand | float, ...]], None],
-        disturbs: bool,
+        controls: Sequence[str],
     ) -> None:
-        self._door, self._sources, self._send, self._disturbs = door, sources, wish, disturbs
-        self._names = list(LINES) if disturbs else ["palm error"]
+        self._door, self._sources, self._send, self._loops = door, sources, wish, "run" in controls
+        self._names = list(LINES) if self._loops else ["palm error"]
         self._lines = {name: deque(maxlen=int(HISTORY * LINES_PER_S)) for name in ("time", *self._names)}
         gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="collapsible")
         self._words = gui.add_html('<div style="padding:0 1em 0.5em;font-size:0.85em">the robot is being loaded</div>')
-        if disturbs:
-            self._add_run(gui)
-            self._add_disturbances(gui)
-        else:
-            self._add_hands(gui)
+        adding = self._add_run, self._add_walk, self._add_disturbances, self._add_hands
+        for name, add in zip(CONTROLS, adding, strict=True):
+            if name in controls:
+                add(gui)
         with gui.add_folder("time lines"):
             self._plots = {name: _plot(gui, name, LINES[name]) for name in self._names}
 
@@ -83,6 +84,24 @@ class SidePanel:
             latency.on_update(lambda _: self._wish(UserCommand.LATENCY, 1e-3 * latency.value))
             for slider in (size, angle, *load, friction, latency):
                 self._opens(slider, between(slider.min, slider.max))
+
+    def _add_walk(self, gui: viser.GuiApi) -> None:
+        with gui.add_folder("walk"):
+            hint = "from where the robot stands"
+            ahead = gui.add_slider("ahead [m]", -1.0, 1.0, 0.05, 0.3, hint=hint)
+            way = ahead, gui.add_slider("to the left [m]", -1.0, 1.0, 0.05, 0.0, hint=hint)
+            turn = gui.add_slider("turn to the left [deg]", -90, 90, 5, 0, hint=hint)
+            words = ("go there", "stay")
+            row = gui.add_button_group("walk", words)
+
+            @row.on_click
+            def _(_: object) -> None:
+                goes = float(row.value == words[0])
+                self._wish(UserCommand.WALK, *(goes * s.value for s in way), goes * np.radians(turn.value))
+
+            for slider in (*way, turn):
+                self._opens(slider, between(slider.min, slider.max))
+            self._opens(row, one_of(*words))
 
     def _add_hands(self, gui: viser.GuiApi) -> None:
         closing = [gui.add_slider(f"{side} hand", 0.0, 1.0, 0.05, 0.0, hint="0 open, 1 closed") for side in SIDES]
@@ -114,7 +133,7 @@ class SidePanel:
         colour = "#" + "".join(f"{round(255 * part):02x}" for part in STATUS_COLOUR[scene.status][:3])
         errors, margin = scene.errors, scene.balance_margin
         tick, plan = 1e3 * glance.tick, 1e3 * glance.followed.planning_time
-        if self._disturbs:
+        if self._loops:
             loop = f"{scene.time:.1f} s, tick {tick:.2f} ms, {glance.missed} missed, plan {plan:.0f} ms"
             numbers = f"{numbers}<br>{loop}, {glance.late} late"
         else:

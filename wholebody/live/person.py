@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from cmath import exp
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import monotonic, sleep
@@ -21,6 +23,9 @@ from wholebody.live.page_process import PageProcess
 from wholebody.live.robot_link import Order, SessionRobot
 from wholebody.live.robot_process import MASS_MIN
 from wholebody.live.snapshot import Snapshot, UserCommand
+from wholebody.types import Reason
+
+logger = logging.getLogger(__name__)
 
 FPS = 30.0
 """How often the page is shown an instant [Hz]; chosen, as `wholebody.live.page.FPS`."""
@@ -37,6 +42,7 @@ BOUNDS: dict[UserCommand, tuple[float, float]] = {
     UserCommand.FRICTION: (0.05, 2.0),
     UserCommand.LATENCY: (0.0, 2.0),
     UserCommand.CLOSING: (0.0, 1.0),
+    UserCommand.WALK: (-2.0, 2.0),
 }
 """Bounds of the numbers of a user's command, in its units; the page is not trusted, since whoever reaches it can
 send any."""
@@ -69,10 +75,12 @@ class Person:
             if isinstance(policy, DraggedHands):
                 policy.palms = loop.supervisor.palm_reference
         self._source, self._latency, self._shown, self._wanted = 0, 0.0, 0.0, False
-        self._dragged, self._hastened = False, 0.0
+        self._dragged, self._hastened, self._sent = False, 0.0, False
 
     def asking(self, wanted: bool) -> None:
-        """Whether chunks are asked for now."""
+        """Whether chunks are asked for now; none are while the robot walks to where it was sent."""
+        self._sent &= self._loop.supervisor.status.reason is Reason.WALKING
+        wanted &= not self._sent
         if wanted != self._wanted:
             self._wanted = wanted
             self._choose(self._source)
@@ -133,6 +141,8 @@ class Person:
                 self._loop.executor.worker.latency = self._latency
         elif wish is UserCommand.RESET:
             self._reset()
+        elif wish is UserCommand.WALK:
+            self._walk(*numbers.tolist())
         elif wish in (UserCommand.PUSH, UserCommand.PAYLOAD, UserCommand.FRICTION):
             body = self._loop.spec.torso_body if wish is UserCommand.PUSH else ""
             self._robot.order(Order(wish.name.lower(), tuple(numbers.tolist()), body))
@@ -141,10 +151,26 @@ class Person:
         """Take the palms to where the user drags them, whatever ran before; an invalid pose is ignored."""
         if rotation_residual(targets[:, :3, :3]).max() > ROTATION_TOLERANCE:
             return
+        self._choose_hands()
+        self._sources[self._source].targets, self._dragged = targets, True
+
+    def _choose_hands(self) -> None:
+        """Have the hands dragged from now on, whatever ran before."""
         hands = next(i for i, policy in enumerate(self._sources) if isinstance(policy, DraggedHands))
         if self._source != hands:
             self._choose(hands)
-        self._sources[hands].targets, self._dragged = targets, True
+
+    def _walk(self, ahead: float, left: float, turn: float) -> None:
+        """Send the robot somewhere; from there on its hands are dragged, since other sources would call it back."""
+        supervisor = self._loop.supervisor
+        x, y, heading = supervisor.base
+        way = complex(ahead, left) * exp(1j * heading)
+        report = supervisor.walk_to((x + way.real, y + way.imag, heading + turn))
+        if report.reason is Reason.WALK_REFUSED:
+            logger.warning("the robot does not walk: %s", report.detail)
+        elif report.reason is Reason.WALKING:
+            self._choose_hands()
+            self._sent = True
 
     def _pause(self) -> None:
         """Pause the world until the user goes on; for the robot no time passes."""

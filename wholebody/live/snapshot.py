@@ -37,6 +37,8 @@ class UserCommand(IntEnum):
     RESET = 7
     CLOSING = 8
     """How far the left and the right hand are closed: 0 open to 1 closed."""
+    WALK = 9
+    """Where to go from where the robot stands: ahead and to the left [m], and turned by [rad]; zeros: stay."""
 
 
 @dataclass(frozen=True)

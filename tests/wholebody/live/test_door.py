@@ -16,6 +16,7 @@ from tests.support.page_watcher import messages
 from wholebody.live import page as page_module
 from wholebody.live.door import ANYWHERE, Door
 from wholebody.live.page import Page
+from wholebody.live.panel import CONTROLS
 from wholebody.live.robot_process import World
 from wholebody.live.snapshot import UserCommand
 
@@ -26,7 +27,7 @@ ROTATION, POINT = [1.0, 0.0, 0.0, 0.0], [0.3, 0.2, 0.9]
 
 @pytest.fixture(scope="module")
 def page():
-    return Page(World(), ["wave", "hands"], "127.0.0.1", 0)
+    return Page(World(), ["wave", "hands"], "127.0.0.1", 0, CONTROLS)
 
 
 @pytest.fixture(autouse=True)

@@ -21,7 +21,7 @@ MESSAGES = 60
 @pytest.fixture
 def shown():
     """Page, what tells it of the robot, and the times at which it drew."""
-    page, drawn = Page(World(), ["wave"], "127.0.0.1", 0), []
+    page, drawn = Page(World(), ["wave"], "127.0.0.1", 0, ["hands"]), []
     show, (loop, ours), (robot, theirs) = page._show, wire.wire(), wire.wire()
     page._show = lambda *what: (drawn.append(time.monotonic()), show(*what))[1]
     thread = threading.Thread(target=page.run, args=(loop, robot), daemon=True)

@@ -24,6 +24,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.timeout(900)]
 SHOTS = Path(os.environ.get("SCREENSHOTS", ""))
 """Folder where pictures are left to be looked at; none if empty."""
 WORDS = "document.body.innerText"
+PRESS = "[...document.querySelectorAll('button')].find(b => b.innerText.trim() == '{}').click()"
 CAMERA, LOOKED_AT, FIELD_OF_VIEW = (1.4, 0.95, 1.15), (0.1, 0.0, 0.65), np.radians(75.0)
 """The page's first view [m, rad]."""
 ARROW = 0.06
@@ -40,8 +41,11 @@ def free_port():
 def live(tmp_path_factory):
     """The command, running, with its address and where its numbers are written."""
     told = tmp_path_factory.mktemp("live") / "told.json"
+    steps = told.with_name("steps.yaml")
+    steps.write_text("steps: reach\n")
     code = "from wholebody.cli.main import main; main()"
     arguments = [sys.executable, "-c", code, "live", "--port", str(free_port()), "--json", str(told)]
+    arguments += ["--config", str(steps)]
     process = subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     address = None
     for line in process.stderr:
@@ -83,16 +87,30 @@ def test_words_and_buttons_reach_the_robot(live, tmp_path):
     address, _, _ = live
     with Browser(tmp_path) as browser:
         settled(browser, address)
-        press = "[...document.querySelectorAll('button')].find(b => b.innerText.trim() == '{}').click()"
-        browser.evaluate(press.format("pause"))
+        browser.evaluate(PRESS.format("pause"))
         clock = r"Number((document.body.innerText.match(/([\d.]+) s, tick/) || [])[1])"
         before, stopped, limit = None, browser.evaluate(clock), time.monotonic() + 20.0
         while stopped != before and time.monotonic() < limit:
             time.sleep(1.0)
             before, stopped = stopped, browser.evaluate(clock)
         assert stopped == before, "the clock of the page goes on in a pause"
-        browser.evaluate(press.format("go on"))
+        browser.evaluate(PRESS.format("go on"))
         browser.wait_for(f"{clock} > {stopped} + 0.5")
+
+
+def test_the_robot_walks_to_where_it_is_sent_and_its_handles_come_along(live, tmp_path):
+    """0.3 m ahead, what the panel has at first."""
+    address, _, _ = live
+    with Browser(tmp_path) as browser, PageWatcher(address) as seen:
+        settled(browser, address)
+        handle = seen.positions[HANDLE].copy()
+        browser.evaluate(PRESS.format("go there"))
+        limit = time.monotonic() + 60.0
+        while time.monotonic() < limit and seen.positions[HANDLE][0] < handle[0] + 0.25:
+            time.sleep(0.1)
+        assert seen.positions[HANDLE][0] - handle[0] == pytest.approx(0.3, abs=0.06)
+        if SHOTS.name:
+            browser.screenshot(SHOTS / "live_walked.png")
 
 
 def on_screen(point, size):

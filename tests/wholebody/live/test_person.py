@@ -9,8 +9,12 @@ from models import g1
 from policy.executor.executor import ExecutorConfig
 from policy.scripted.library import scripted_policy
 from policy.targets.dragged_hands import DraggedHands
+from wholebody.config import ControllerConfig
+from wholebody.execution.statuses import NO_CHUNK
+from wholebody.execution.supervisor import Supervisor
 from wholebody.live.person import BOUNDS, Person
 from wholebody.live.snapshot import UserCommand
+from wholebody.sim.plant import MujocoPlant
 
 POSES = np.tile(np.eye(4), (2, 1, 1))
 
@@ -36,6 +40,7 @@ class Clock:
 def person():
     supervisor = SimpleNamespace(
         palm_reference=lambda: {"left": np.eye(4), "right": np.eye(4)},
+        status=NO_CHUNK,
         config=SimpleNamespace(planning=SimpleNamespace(lead=0.1)),
     )
     loop = SimpleNamespace(stopped=False, executor=None, clock=Clock(), task="", supervisor=supervisor, spec=g1())
@@ -130,3 +135,28 @@ def test_a_pause_ends_with_the_page_and_with_an_interrupt(person, how):
     wish(person, UserCommand.PAUSE, 1.0)
     assert [order.what for order in person.test.robot.orders] == ["pause", "resume"]
     assert person.test.robot.origin >= 0.0
+
+
+def test_a_robot_that_is_sent_somewhere_goes_there_and_its_hands_are_dragged_from_there_on(person):
+    """Other sources, and hands where they were dragged to before, would have it walk back."""
+    supervisor, plant = Supervisor(g1(), ControllerConfig(steps="reach")), MujocoPlant(g1())
+    state = plant.reset()
+    supervisor.reset(state)
+    person.test.loop.supervisor = supervisor
+    wish(person, UserCommand.WALK, 0.15, 0.05, 0.3)
+    person.asking(True)
+    while person.test.loop.executor is None and state.time < 6.0:
+        state = plant.step(supervisor.step(state))
+        person.asking(True)
+    assert state.time > 1.0
+    assert supervisor.base == pytest.approx((0.15, 0.05, 0.3), abs=0.06)
+    assert person.test.loop.executor.policy is person.test.sources["hands"]
+
+
+def test_a_robot_that_may_not_walk_says_so_and_its_source_goes_on(person, caplog):
+    supervisor = Supervisor(g1())
+    supervisor.reset(MujocoPlant(g1()).reset())
+    person.test.loop.supervisor = supervisor
+    wish(person, UserCommand.WALK, 0.2, 0.0, 0.0)
+    assert "with `steps: reach` the robot walks" in caplog.text
+    assert person.test.loop.executor.policy is person.test.sources["wave"]

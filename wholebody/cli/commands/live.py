@@ -18,6 +18,8 @@ from wholebody.cli.options import SOURCES, Input, JsonTo, RobotModel, Sampling, 
 if TYPE_CHECKING:
     from wholebody.config import ControllerConfig
 
+CONTROLS = dict.fromkeys(("never", "recover"), ("run", "disturb")) | {"reach": ("run", "walk", "disturb")}
+"""What the page has, of `wholebody.live.panel.CONTROLS`, by the `steps` of the settings."""
 LINE_EVERY = 1.0
 """Time between two lines on the terminal [s]; chosen, no trial is on record."""
 
@@ -92,7 +94,7 @@ def live(
         if not shown.headless:
             others = {name: opened(name, given, settings.robot) for name in scripts_of(drives) if name not in policies}
             policies |= {HANDS: DraggedHands(robot=drives)} | others
-            page = PageProcess(world, list(policies), shown.host, shown.port)
+            page = PageProcess(world, list(policies), shown.host, shown.port, CONTROLS[settings.steps])
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
         free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}
         gate = partial(gate_of, settings, free, around.scene) if around.gate else None
