@@ -161,13 +161,17 @@ def _not_followed(
     """Notes on a base that is to move: the feet stay, and pelvis and waist go where hands and balance need them."""
     here = pelvis.T_world_base[:, 2, 3] if pelvis.q_legs is not None else anchor.T_world_base[2, 3]
     away = 0.0 if height is None else float(np.abs(height - here).max())
-    speed = 0.0 if velocity is None else float(np.abs(velocity).max())
-    notes: tuple[str, ...] = ()
-    if speed > WALK:
-        notes += (f"base_velocity asks for up to {speed:.2g} m/s or rad/s and {NOT_FOLLOWED}: the feet stay",)
+    notes = () if velocity is None else feet_stay(velocity)
     if away > RISE:
         notes += (f"base_height asks for up to {away:.2g} m more or less and {NOT_FOLLOWED}: hands move the pelvis",)
     return notes
+
+
+def feet_stay(velocity: np.ndarray) -> tuple[str, ...]:
+    """Note on velocities of a base (H, 3) that nobody walks with, if they are more than rest [m/s, rad/s]."""
+    if (speed := float(np.abs(velocity).max())) <= WALK:
+        return ()
+    return (f"base_velocity asks for up to {speed:.2g} m/s or rad/s and {NOT_FOLLOWED}: the feet stay",)
 
 
 def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:

@@ -215,13 +215,13 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
     T_l, T_r = (anchor.T_world_base @ steps[hand] for hand in HANDS)
     q_l, q_r = (np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand))
     layout = builtin("wbc32", motion.robot).id
-    left_out = _of_frames({hand: poses[hand] for hand in HANDS}, steps, times, at)
+    left_out = frames_between({hand: poses[hand] for hand in HANDS}, steps, times, at)
     chunk = ActionChunk(layout, 0, 0.0, float(fps), T_l, T_r, q_l, q_r, notes=_of_feet(motion) + left_out)
     chunk.validate(robot=motion.robot)
     return chunk
 
 
-def _of_frames(
+def frames_between(
     frames: dict[str, np.ndarray], steps: dict[str, np.ndarray], times: np.ndarray, at: np.ndarray
 ) -> tuple[str, ...]:
     """Note on frames between steps that are off the way from step to step, and by how much the farthest is."""
@@ -243,14 +243,24 @@ def _of_frames(
     return (f"what happens in {left_out}: {where} at worst",)
 
 
+def travels(motion: Motion) -> tuple[float, float] | None:
+    """How far a pelvis goes [m] and turns [rad] that moves further than feet that stay allow; None of another."""
+    p, yaw = motion.T_world_base[:, :2, 3], headings(motion)
+    away, turned = float(np.linalg.norm(p - p[0], axis=1).max()), float(np.abs(yaw - yaw[0]).max())
+    return (away, turned) if away > FEET_MOVE or turned > FEET_TURN else None
+
+
+def headings(motion: Motion) -> np.ndarray:
+    """Heading of the pelvis in each frame, shape (n,), without jumps [rad]."""
+    R = motion.T_world_base[:, :3, :3]
+    return np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+
+
 def _of_feet(motion: Motion) -> tuple[str, ...]:
     """Note on a motion whose pelvis moves further than feet that stay allow."""
-    R, p = motion.T_world_base[:, :3, :3], motion.T_world_base[:, :2, 3]
-    away = float(np.linalg.norm(p - p[0], axis=1).max())
-    yaw = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
-    turned = float(np.abs(yaw - yaw[0]).max())
-    if away <= FEET_MOVE and turned <= FEET_TURN:
+    if (far := travels(motion)) is None:
         return ()
+    (away, turned), p = far, motion.T_world_base[:, :2, 3]
     path = float(np.linalg.norm(np.diff(p, axis=0), axis=1).sum())
     parts = [f"travel {path:.1f} m"] if away > FEET_MOVE else []
     parts += [f"turn by {np.rad2deg(turned):.0f} deg"] if turned > FEET_TURN else []

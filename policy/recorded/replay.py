@@ -6,11 +6,14 @@ import dataclasses
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from models.spec import RobotSpec
+from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
+from policy.action_spec.codec import feet_stay
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
@@ -20,9 +23,25 @@ from policy.geometry.rotations import matrix_to_quaternion
 from policy.observation import Observation
 from policy.recorded.array_file import RATE_ASSUMED, read_array_file
 from policy.recorded.chunk_file import read_chunk_file
-from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, named_rate, rate_note, read_motion_csv
+from policy.recorded.motion_csv import (
+    DEFAULT_FPS,
+    Motion,
+    motion_chunk,
+    named_rate,
+    rate_note,
+    read_motion_csv,
+    travels,
+)
 from policy.recorded.motion_findings import motion_findings
 from policy.recorded.motion_npz import is_motion_npz, read_motion_npz
+from policy.recorded.walked_motion import WalkLimits, begun_before, walked_along, walked_chunk
+
+BACK = 0.5
+"""Rate with which a base that is off its recorded way comes back to it [1/s]; chosen: within three steps, and what the
+soles are beside the base in the midst of one moves it by a centimetre."""
+
+MOST = 0.999
+"""Share of its fastest walk that a robot is asked for at most [no unit]; chosen: what is beyond by rounding is said."""
 
 
 class ReplayPolicy:
@@ -58,7 +77,10 @@ class ReplayPolicy:
         more = int(np.ceil(seconds * self.episode.fps - 1e-6))
         steps = np.maximum(np.arange(-more, len(self.episode)), 0)
         longer = {name: value[steps] for name, value in self.episode.arrays().items()}
-        episode = dataclasses.replace(self.episode, **longer)
+        return self._playing(dataclasses.replace(self.episode, **longer))
+
+    def _playing(self, episode: ActionChunk) -> ReplayPolicy:
+        """The same that plays another recording."""
         return ReplayPolicy(episode, name=self.name, spec=self.spec, horizon=self.horizon, row_fps=self.row_fps)
 
     @classmethod
@@ -89,6 +111,10 @@ class ReplayPolicy:
         Raises:
             ObservationError: If time goes back without a reset.
         """
+        return self._window(observation)[0]
+
+    def _window(self, observation: Observation) -> tuple[ActionChunk, np.ndarray]:
+        """What is answered to an observation, and which steps of the recording those are, (n,)."""
         seq, elapsed = self._clock.tick(observation.time)
         # A time that is a step but for rounding must find that step.
         first = int(np.floor(elapsed * self.episode.fps + 1e-6))
@@ -99,7 +125,60 @@ class ReplayPolicy:
         t_obs = observation.time - elapsed + first / self.episode.fps
         window = {name: value[steps] for name, value in self.episode.arrays().items()}
         notes = () if seq else self.episode.notes  # they are about the whole recording
-        return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window)
+        return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window), steps
+
+
+class WalkedReplay(ReplayPolicy):
+    """Serves a recording that is walked, such as `policy.recorded.walked_motion.walked_chunk` has it, in windows.
+
+    Hands are about the soles as they are seen, and the way of the base goes on from where these were before it began:
+    what they are off it is made up for along the way.
+
+    Args:
+        episode: The recording, in the frame between the soles; its ``base_velocity`` is the way of the base.
+        limits: Of the robot.
+        **settings: Those of a `ReplayPolicy`.
+    """
+
+    sees_robot = True
+
+    def __init__(self, episode: ActionChunk, limits: WalkLimits, **settings: Any) -> None:
+        super().__init__(episode, **settings)
+        self.limits = limits
+        self._places, self._headings = walked_along(episode.base_velocity, episode.fps)
+        self._asked = begun_before(episode.base_velocity, round(limits.shift * episode.fps))
+        self._begins = int(np.argmax(np.abs(self._asked).max(axis=1) > 0.0))
+        self._begin: tuple[complex, float] = 0j, 0.0
+
+    def _playing(self, episode: ActionChunk) -> WalkedReplay:
+        settings = {"name": self.name, "spec": self.spec, "horizon": self.horizon, "row_fps": self.row_fps}
+        return WalkedReplay(episode, self.limits, **settings)
+
+    def infer(self, observation: Observation) -> ActionChunk:
+        """Window that starts at the observation's time or up to one step before it.
+
+        Raises:
+            ObservationError: If the observation is malformed, or time goes back without a reset.
+        """
+        T = Anchor.measured(observation, self.spec.robot).T_world_stance
+        chunk, steps = self._window(observation)
+        here, heading = complex(*T[:2, 3]), float(np.arctan2(T[1, 0], T[0, 0]))
+        if steps[0] <= self._begins:
+            self._begin = here, heading
+        velocity = self._asked[steps] + self._making_up(here, heading, steps)
+        velocity /= np.maximum(self.limits.share(velocity) / MOST, 1.0)[:, None]
+        hands = {name: T @ getattr(chunk, name) for name in ("T_world_lhand", "T_world_rhand")}
+        notes = (*chunk.notes, *feet_stay(velocity))
+        return dataclasses.replace(chunk, base_velocity=velocity, notes=notes, **hands)
+
+    def _making_up(self, here: complex, heading: float, steps: np.ndarray) -> np.ndarray:
+        """Velocities, shape (n, 3), that bring a base back to its way from where it is seen [m, rad]."""
+        (begin, begun), first = self._begin, steps[0]
+        away = begin + self._places[first] * np.exp(1j * begun) - here
+        turned = np.angle(np.exp(1j * (begun + self._headings[first] - heading)))
+        rate = BACK * np.exp(-BACK * np.arange(len(steps)) / self.episode.fps)
+        way = rate * away * np.exp(-1j * (heading + self._headings[steps] - self._headings[first]))
+        return np.column_stack([way.real, way.imag, rate * turned])
 
 
 def needed_until(policy: object, duration: float) -> float:
@@ -119,13 +198,15 @@ def open_recording(
     assume: ActionSpec | None = None,
     robot: RobotSpec | None = None,
     read_as: Sequence[str] = (),
+    walks: WalkLimits | None = None,
 ) -> ReplayPolicy:
     """Policy that plays a file: chunk ``.npz``, array ``.npy``, or motion ``.csv`` or ``.npz``.
 
     The robot is the G1 with Dex3 hands if none is given. What the numbers may be instead of what they are called is in
     the notes of the episode, unless ``read_as`` says what they are (`policy.suspicion.corrections.READ_AS`). A motion
     or an array is anchored at the nominal stance; where its rate ``fps`` [Hz] is not given, it is that of the motion's
-    file name, or else `DEFAULT_FPS`, or that of the array's layout, ``assume``, and a note says so.
+    file name, or else `DEFAULT_FPS`, or that of the array's layout, ``assume``, and a note says so. A motion whose
+    feet travel is played for a robot that stays, or for one that walks with the limits ``walks``.
 
     Raises:
         FileFormatError: If the suffix is another, the file is malformed, or its numbers cannot be what they are called.
@@ -133,8 +214,10 @@ def open_recording(
     suffix, name = Path(path).suffix.lower(), Path(path).stem
     if suffix == ".csv" or (suffix == ".npz" and is_motion_npz(path)):
         motion, notes = read_motion(path, fps, robot, read_as)
-        chunk = with_notes(motion_chunk(motion), notes)
-        return ReplayPolicy(chunk, name=name, spec=builtin("wbc32", robot), row_fps=motion.fps)
+        settings = {"name": name, "spec": builtin("wbc32", robot), "row_fps": motion.fps}
+        if walks is not None and travels(motion) is not None:
+            return WalkedReplay(with_notes(walked_chunk(motion, walks), notes), walks, **settings)
+        return ReplayPolicy(with_notes(motion_chunk(motion), notes), **settings)
     if suffix in (".npz", ".npy"):
         bare = suffix == ".npy"
         file = read_array_file(path, assume, fps, robot) if bare else read_chunk_file(path, assume=assume, robot=robot)

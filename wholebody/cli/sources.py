@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from policy.action_spec.spec import ActionSpec
     from policy.base import Policy
     from policy.findings import Finding
+    from policy.recorded.walked_motion import WalkLimits
     from wholebody.cli.options import Input
     from wholebody.config.robot import RobotConfig
 
@@ -31,6 +32,7 @@ def open_source(
     rename_map: str = "",
     read_as: str = "",
     robot: RobotSpec | None = None,
+    walks: WalkLimits | None = None,
     **options: Any,
 ) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
@@ -47,6 +49,7 @@ def open_source(
         rename_map: Keys of an openpi server, as `policy.remote.openpi.KeyMap.named` reads them.
         read_as: What the numbers of recordings are instead of what they are called, with commas.
         robot: The robot that it is for; the G1 with Dex3 hands if None.
+        walks: What the robot can do that walks with recorded motions; None of one that stays.
         **options: More of `policy.lerobot.checkpoint.LoadOptions`, for checkpoints.
 
     Raises:
@@ -76,7 +79,7 @@ def open_source(
 
         return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, placeholder_cameras=True, **options)
     if Path(name).suffix.lower() in RECORDINGS:
-        return open_recording(name, fps=fps, assume=assume, read_as=corrections, robot=robot)
+        return open_recording(name, fps=fps, assume=assume, read_as=corrections, robot=robot, walks=walks)
     _require_no_path(name)
     return scripted_policy(name, robot)
 
@@ -86,8 +89,10 @@ def codes_of(read_as: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in read_as.split(",") if part.strip())
 
 
-def opened(name: str, given: Input, robot: RobotConfig | None = None, **options: Any) -> Policy:
-    """A source for a robot, with what should be known before it runs on standard error.
+def opened(
+    name: str, given: Input, robot: RobotConfig | None = None, walks: WalkLimits | None = None, **options: Any
+) -> Policy:
+    """A source for a robot, and one that ``walks`` with it, with what should be known before it on standard error.
 
     Raises:
         PolicyError: As in `open_source`.
@@ -97,7 +102,7 @@ def opened(name: str, given: Input, robot: RobotConfig | None = None, **options:
         raise ValueError(NO_END)
     options |= {"task": given.task, "rename_map": given.rename_map, "read_as": given.read_as}
     drives = robot_of(robot)
-    policy = open_source(name, given.fps, layout_named(given.assume_spec, drives), robot=drives, **options)
+    policy = open_source(name, given.fps, layout_named(given.assume_spec, drives), robot=drives, walks=walks, **options)
     for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")
     return policy

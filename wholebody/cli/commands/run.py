@@ -37,6 +37,7 @@ from wholebody.cli.simulated import (
     make_executor,
     scene_for,
     settings_of,
+    walks_of,
 )
 from wholebody.cli.sources import expanded, length, opened, tell
 
@@ -63,7 +64,8 @@ def run(
     names = _names(source, motions, given, one=pictures.wanted())
     choices, robot = sampling.choices(), settings_of(simulation).robot
     choices |= {"rtc": asking.real_time_chunking}
-    policies = [opened(name, given, robot, **choices) for name in names]
+    walks = walks_of(simulation)
+    policies = [opened(name, given, robot, walks, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
     scene, verdicts = scene_for(source, simulation), []
     checker = make_checker(simulation, scene, quiet, follow, STEPS_OF.get(source, "never"))

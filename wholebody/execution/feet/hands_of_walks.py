@@ -20,6 +20,14 @@ ASIDE = 0.05
 """Least distance of a wrist from the body's middle, on its own side [m]; measured: where both were allowed 0.02 m
 beyond it, hands came into each other's way and 1 walk of 2 fell, of 5 none that are as far."""
 
+LOWERED = 0.08
+"""How much lower the pelvis of a robot that steps is, at most, than as it stands [m]; measured: 5 cm, and
+`wholebody.execution.feet.walker.LOWER`."""
+INSIDE = 0.005
+"""How far inside of those bounds hands are drawn that are beyond [m]; chosen: what rounding and sway come to."""
+DRAWS = 12
+"""Times that they are drawn into one bound after the other; measured: after 8 none is beyond any of them."""
+
 
 class HandsOfWalks:
     """Where the arms of a robot reach while its trunk is upright over its feet.
@@ -57,6 +65,23 @@ class HandsOfWalks:
             if speed > most.position.speed or turn > most.orientation.speed:
                 return f"the {side} hand moves at up to {speed:.1f} m/s and {turn:.1f} rad/s"
         return None
+
+    def nearest(self, points: np.ndarray) -> np.ndarray:
+        """The nearest wrists that a walk can have, or nearly so, to points (2, n, 3) in the upright pelvis [m].
+
+        They are so, too, once the pelvis is lower by `LOWERED` and they are not.
+        """
+        p, sides, inside = np.array(points, dtype=float), np.array([[1.0], [-1.0]]), INSIDE
+        shoulders = self._shoulders[:, None]
+        balls = [(shoulders - np.array([0.0, 0.0, low]), STRETCHED * self._lengths - inside) for low in (0.0, LOWERED)]
+        for _ in range(DRAWS):
+            p[..., 0] = np.maximum(p[..., 0], shoulders[..., 0] - BEHIND + inside)
+            p[..., 1] = sides * np.maximum(sides * p[..., 1], ASIDE + inside)
+            p[..., :2] *= np.maximum((BESIDE + inside) / np.linalg.norm(p[..., :2], axis=-1), 1.0)[..., None]
+            for middle, radius in balls:
+                away = np.linalg.norm(p - middle, axis=-1)
+                p = middle + (p - middle) * np.minimum(radius[:, None] / np.maximum(away, inside), 1.0)[..., None]
+        return p
 
     def why_not_there(self, points: np.ndarray, T_pelvis: np.ndarray, most: float = STRETCHED) -> str | None:
         """Why a walk cannot have its wrists at points (2, n, 3) [m], in words; None where it can.
