@@ -80,7 +80,7 @@ class ReplayPolicy:
         return self._playing(dataclasses.replace(self.episode, **longer))
 
     def _playing(self, episode: ActionChunk) -> ReplayPolicy:
-        """The same that plays another recording."""
+        """Policy like this that plays another recording."""
         return ReplayPolicy(episode, name=self.name, spec=self.spec, horizon=self.horizon, row_fps=self.row_fps)
 
     @classmethod

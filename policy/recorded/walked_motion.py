@@ -172,7 +172,7 @@ def begun_before(velocity: np.ndarray, steps: int) -> np.ndarray:
 
 
 def _between(places: np.ndarray) -> np.ndarray:
-    """From each of places (n, 3) to the next one, ahead, to the left [m] and about the vertical [rad], (n - 1, 3)."""
+    """Steps from each of places (n, 3) to the next, ahead, to the left [m], about the vertical [rad], (n - 1, 3)."""
     turn = np.diff(places[:, 2])
     step = np.diff(places[:, 0] + 1j * places[:, 1]) * np.exp(-1j * (places[:-1, 2] + 0.5 * turn))
     return np.column_stack([step.real, step.imag, turn])

@@ -18,16 +18,8 @@ from typing import TYPE_CHECKING
 from policy.writing import OutputError
 from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
-from wholebody.cli.simulated import (
-    STEPS_OF,
-    cameras_of,
-    make_checker,
-    make_fast_checker,
-    scene_for,
-    settings_of,
-    walks_of,
-)
-from wholebody.cli.sources import expanded, length, opened, tell
+from wholebody.cli.simulated import STEPS_OF, cameras_of, make_checker, make_fast_checker, scene_for, settings_of
+from wholebody.cli.sources import expanded, length, opened, tell, walks_of
 from wholebody.resources import end_with_parent, processors
 
 if TYPE_CHECKING:
@@ -80,7 +72,8 @@ class InputJudge:
         self.quiet, self.pages = quiet, pages
         self._first = not judging.as_given
         follow = "as_given" if judging.as_given else "planned"
-        self.robot, self.walks = cache(lambda: settings_of(simulation).robot), cache(lambda: walks_of(simulation))
+        self.robot = cache(lambda: settings_of(simulation).robot)
+        self.walks = cache(lambda: None if judging.fast else walks_of(settings_of(simulation)))
         self._checker = cache(lambda scene, steps: make_checker(simulation, scene, quiet, follow, steps))
         self.fast = cache(lambda scene: make_fast_checker(simulation, scene, quiet, alone=judging.fast))
 
@@ -103,8 +96,7 @@ class InputJudge:
             WholebodyError, RobotSpecError, ValueError: If the options are wrong, which they are for every input.
         """
         try:
-            walks = None if self.judging.fast else self.walks()
-            policy = opened(name, self.given, self.robot(), walks, **self.sampling.choices())
+            policy = opened(name, self.given, self.robot(), self.walks(), **self.sampling.choices())
             if self.judging.fast:
                 return _answer(
                     self._explained(policy, name, title) if self.judging.why else self._planned(policy, name)

@@ -14,7 +14,6 @@ from wholebody.config.bounds import require_run
 if TYPE_CHECKING:
     from policy.base import Policy
     from policy.executor.executor import Executor
-    from policy.recorded.walked_motion import WalkLimits
     from wholebody.cli.options import Asking, Simulation
     from wholebody.config import ControllerConfig, LoadConfig, PlanningConfig
     from wholebody.episode.run import Cameras
@@ -125,13 +124,6 @@ def settings_of(options: Simulation) -> ControllerConfig:
     robot = replace(settings.robot, model=options.robot or settings.robot.model)
     changed = {"planning": planning(settings.planning, options), "loads": loads(settings.loads, options)}
     return replace(settings, robot=robot, **changed)
-
-
-def walks_of(options: Simulation) -> WalkLimits | None:
-    """What a robot can do that walks with recorded motions; None of one that stays."""
-    from wholebody.execution.feet.recorded_walks import walk_limits
-
-    return walk_limits(settings_of(options))
 
 
 def planning(config: PlanningConfig, options: Simulation) -> PlanningConfig:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from policy.findings import Finding
     from policy.recorded.walked_motion import WalkLimits
     from wholebody.cli.options import Input
+    from wholebody.config import ControllerConfig
     from wholebody.config.robot import RobotConfig
 
 RECORDINGS = (".npz", ".npy", ".csv")
@@ -106,6 +107,13 @@ def opened(
     for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")
     return policy
+
+
+def walks_of(settings: ControllerConfig) -> WalkLimits | None:
+    """What a robot can do that walks with recorded motions; None of one that stays."""
+    from wholebody.execution.feet.recorded_walks import walk_limits
+
+    return walk_limits(settings)
 
 
 def robot_of(robot: RobotConfig | None) -> RobotSpec | None:

@@ -37,9 +37,8 @@ from wholebody.cli.simulated import (
     make_executor,
     scene_for,
     settings_of,
-    walks_of,
 )
-from wholebody.cli.sources import expanded, length, opened, tell
+from wholebody.cli.sources import expanded, length, opened, tell, walks_of
 
 if TYPE_CHECKING:
     from wholebody.verdict.verdict import Verdict
@@ -62,10 +61,10 @@ def run(
     check_places(json_to, pictures.video, pictures.sheet, pictures.record)
     check_settings(simulation.config)
     names = _names(source, motions, given, one=pictures.wanted())
-    choices, robot = sampling.choices(), settings_of(simulation).robot
+    choices, settings = sampling.choices(), settings_of(simulation)
     choices |= {"rtc": asking.real_time_chunking}
-    walks = walks_of(simulation)
-    policies = [opened(name, given, robot, walks, **choices) for name in names]
+    walks = walks_of(settings)
+    policies = [opened(name, given, settings.robot, walks, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
     scene, verdicts = scene_for(source, simulation), []
     checker = make_checker(simulation, scene, quiet, follow, STEPS_OF.get(source, "never"))

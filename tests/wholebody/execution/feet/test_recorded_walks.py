@@ -9,7 +9,8 @@ from policy.recorded.replay import WalkedReplay, open_recording
 from tests.support.made_walks import MadeWalk, along, made_walk
 from tests.support.recorded_walks import CONFIG, LIMITS, replayed
 from wholebody.cli.options import Simulation
-from wholebody.cli.simulated import walks_of
+from wholebody.cli.simulated import settings_of
+from wholebody.cli.sources import walks_of
 from wholebody.config import ControllerConfig
 from wholebody.execution.feet.hands_of_walks import LOWERED
 from wholebody.execution.feet.recorded_walks import walk_limits
@@ -49,8 +50,8 @@ def test_a_robot_walks_with_a_file_where_its_settings_let_it(tmp_path):
     settings = tmp_path / "settings.yaml"
     settings.write_text("steps: reach\n")
     write_motion_csv(tmp_path / "walk.csv", made_walk(MadeWalk((along(2.0, 0.45, 0.0, 0.0),))))
-    limits = walks_of(Simulation(config=settings))
+    limits = walks_of(settings_of(Simulation(config=settings)))
     assert isinstance(open_recording(tmp_path / "walk.csv", fps=60.0, walks=limits), WalkedReplay)
-    assert walks_of(Simulation()) is None
+    assert walks_of(settings_of(Simulation())) is None
     assert walk_limits(ControllerConfig(steps="recover")) is None
     assert walk_limits(CONFIG).fastest == LIMITS.fastest
