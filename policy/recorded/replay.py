@@ -14,6 +14,7 @@ from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import feet_stay
+from policy.action_spec.slot_values import NOT_FOLLOWED
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
@@ -40,6 +41,9 @@ BACK = 0.5
 """Rate with which a base that is off its recorded way comes back to it [1/s]; chosen: within three steps, and what the
 soles are beside the base in the midst of one moves it by a centimetre."""
 
+LATE = 0.12
+"""Distance by which a base may be behind before the recording waits for it [m]; chosen: a base that is followed well is
+within 0.09."""
 MOST = 0.999
 """Share of its fastest walk that a robot is asked for at most [no unit]; chosen: what is beyond by rounding is said."""
 
@@ -111,28 +115,32 @@ class ReplayPolicy:
         Raises:
             ObservationError: If time goes back without a reset.
         """
-        return self._window(observation)[0]
-
-    def _window(self, observation: Observation) -> tuple[ActionChunk, np.ndarray]:
-        """What is answered to an observation, and which steps of the recording those are, (n,)."""
         seq, elapsed = self._clock.tick(observation.time)
-        # A time that is a step but for rounding must find that step.
-        first = int(np.floor(elapsed * self.episode.fps + 1e-6))
+        return self._window(seq, observation.time, elapsed)[0]
+
+    def _window(self, seq: int, now: float, elapsed: float) -> tuple[ActionChunk, np.ndarray]:
+        """Chunk of a number for a time [s] at which so much is over [s], and which steps those are, (n,)."""
+        first = self._step(elapsed)
         left = len(self.episode) - first
         # A plan takes time: what is over before it is there cannot be followed.
         count = self.horizon if 2 * left < self.horizon else min(self.horizon, left)
         steps = np.minimum(first + np.arange(count), len(self.episode) - 1)
-        t_obs = observation.time - elapsed + first / self.episode.fps
+        t_obs = now - elapsed + first / self.episode.fps
         window = {name: value[steps] for name, value in self.episode.arrays().items()}
         notes = () if seq else self.episode.notes  # they are about the whole recording
         return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window), steps
+
+    def _step(self, elapsed: float) -> int:
+        """Step that is due after a time [s], or the last one before it."""
+        # A time that is a step but for rounding must find that step.
+        return int(np.floor(elapsed * self.episode.fps + 1e-6))
 
 
 class WalkedReplay(ReplayPolicy):
     """Serves a recording that is walked, such as `policy.recorded.walked_motion.walked_chunk` has it, in windows.
 
     Hands are about the soles as they are seen, and the way of the base goes on from where these were before it began:
-    what they are off it is made up for along the way.
+    what they are off it is made up for along the way, and the recording waits for a base that is far behind.
 
     Args:
         episode: The recording, in the frame between the soles; its ``base_velocity`` is the way of the base.
@@ -149,6 +157,7 @@ class WalkedReplay(ReplayPolicy):
         self._asked = begun_before(episode.base_velocity, round(limits.shift * episode.fps))
         self._begins = int(np.argmax(np.abs(self._asked).max(axis=1) > 0.0))
         self._begin: tuple[complex, float] = 0j, 0.0
+        self._waited, self._served = 0.0, 0
 
     def _playing(self, episode: ActionChunk) -> WalkedReplay:
         settings = {"name": self.name, "spec": self.spec, "horizon": self.horizon, "row_fps": self.row_fps}
@@ -161,20 +170,43 @@ class WalkedReplay(ReplayPolicy):
             ObservationError: If the observation is malformed, or time goes back without a reset.
         """
         T = Anchor.measured(observation, self.spec.robot).T_world_stance
-        chunk, steps = self._window(observation)
         here, heading = complex(*T[:2, 3]), float(np.arctan2(T[1, 0], T[0, 0]))
+        seq, elapsed = self._clock.tick(observation.time)
+        if seq == 0:
+            self._waited, self._served = 0.0, 0
+        waits = self._waits(here, self._step(elapsed - self._waited))
+        self._waited += waits
+        chunk, steps = self._window(seq, observation.time, elapsed - self._waited)
+        self._served = int(steps[0])
         if steps[0] <= self._begins:
             self._begin = here, heading
         velocity = self._asked[steps] + self._making_up(here, heading, steps)
         velocity /= np.maximum(self.limits.share(velocity) / MOST, 1.0)[:, None]
         hands = {name: T @ getattr(chunk, name) for name in ("T_world_lhand", "T_world_rhand")}
         notes = (*chunk.notes, *feet_stay(velocity))
+        if waits > 0.0:
+            late = f"the recording waits {waits:.2f} s for a base that is behind it, {self._waited:.2f} s by now"
+            notes += (f"{late}: so much of its end {NOT_FOLLOWED}",)
         return dataclasses.replace(chunk, base_velocity=velocity, notes=notes, **hands)
+
+    def _way(self, steps: np.ndarray | int) -> np.ndarray:
+        """Places of the base at steps, in world, ``x + iy`` [m]."""
+        begin, begun = self._begin
+        return begin + self._places[steps] * np.exp(1j * begun)
+
+    def _waits(self, here: complex, first: int) -> float:
+        """Time for which a recording that has come to a step waits for a base that is seen there [s]."""
+        if first <= self._begins:
+            return 0.0
+        since = np.arange(self._served, min(first, len(self.episode) - 1) + 1)
+        away = np.abs(self._way(since) - here)
+        near = np.flatnonzero(away <= max(LATE, away.min()))
+        return float(since[-1] - since[near[-1]]) / self.episode.fps
 
     def _making_up(self, here: complex, heading: float, steps: np.ndarray) -> np.ndarray:
         """Velocities, shape (n, 3), that bring a base back to its way from where it is seen [m, rad]."""
-        (begin, begun), first = self._begin, steps[0]
-        away = begin + self._places[first] * np.exp(1j * begun) - here
+        first, begun = steps[0], self._begin[1]
+        away = self._way(first) - here
         turned = np.angle(np.exp(1j * (begun + self._headings[first] - heading)))
         rate = BACK * np.exp(-BACK * np.arange(len(steps)) / self.episode.fps)
         way = rate * away * np.exp(-1j * (heading + self._headings[steps] - self._headings[first]))

@@ -9,6 +9,7 @@ of its way is below a millimetre.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import tau
 
 from wholebody.walking.places import Place
 
@@ -90,6 +91,7 @@ class Swing:
         way, heading = self.way, self.heading
         if over > 0.5 * EARLY or way.v != 0.0:
             turn = goal.heading - heading.x
+            turn -= tau * round(turn / tau)  # measured headings jump by a whole turn, feet do not
             way = way.towards(Course(goal.point), over, dt)
             heading = heading.towards(Course(heading.x + turn), over, dt)
         if done < LIFTED:

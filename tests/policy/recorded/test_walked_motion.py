@@ -118,3 +118,17 @@ def test_a_file_is_walked_where_limits_are_given_and_its_hands_alone_are_played_
     assert travels(still) is None
     write_motion_csv(tmp_path / "stays.csv", still)
     assert type(open_recording(tmp_path / "stays.csv", walks=LIMITS)) is ReplayPolicy
+
+
+def test_a_recording_waits_for_a_base_that_stays():
+    policy = WalkedReplay(walked_chunk(made_walk(WALKS["walk_0.55"]), LIMITS), LIMITS)
+    asked = [policy.infer(observation(0.8 * k)) for k in range(8)]
+    due = [policy.episode.T_world_lhand[round(0.8 * k * 30) :][:1] for k in range(8)]
+    np.testing.assert_allclose(asked[3].T_world_lhand[:1], due[3], atol=1e-6)
+    held = [one.T_world_lhand[0] for one in asked[5:]]
+    np.testing.assert_allclose(held, held[:1] * 3, atol=1e-12)
+    assert not [note for one in asked[:4] for note in one.notes if "waits" in note]
+    assert "so much of its end is not followed" in asked[-1].notes[-1]
+    on_time = np.array([one.t_obs - 0.8 * k for k, one in enumerate(asked)])
+    assert (on_time <= 1e-9).all()
+    assert (on_time > -1.0 / 30.0).all()

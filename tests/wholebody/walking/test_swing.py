@@ -78,3 +78,11 @@ def test_a_course_is_a_quintic():
     assert (course.x, course.v, course.a) == pytest.approx((1.0, -0.3, 0.2))
     # The sixth differences of a polynomial of the fifth degree vanish.
     assert np.abs(np.diff([0.2, *path], 6)).max() < 1e-9
+
+
+def test_a_foot_turns_the_shorter_way():
+    """Headings are measured between -pi and pi, and a base that goes on turning has none of these bounds."""
+    swing = Swing.from_rest(Place(0j, np.pi - 0.1), 0.0)
+    for k in range(100):
+        swing = swing.advance(Place(0.1 + 0j, 0.1 - np.pi), 0.0, 0.04, k / 100.0, TIME * (1.0 - k / 100.0), TIME / 100.0)
+    assert swing.heading.x == pytest.approx(np.pi + 0.1)

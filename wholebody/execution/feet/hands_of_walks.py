@@ -28,6 +28,11 @@ INSIDE = 0.005
 DRAWS = 12
 """Times that they are drawn into one bound after the other; measured: after 8 none is beyond any of them."""
 
+LOW, BACK, RAMP, OUT = 0.15, 0.1, 0.1, 0.28
+"""Height over the pelvis and place ahead of it below which recorded hands are beside the thighs, the way over which
+they come to be, and their least distance from the body's middle there [m]; measured: the pelvis sways by 0.1 m, and of
+hands behind it 0.22 and 0.24 m aside a walk stopped for them, 0.28 m aside it kept all of their weight."""
+
 
 class HandsOfWalks:
     """Where the arms of a robot reach while its trunk is upright over its feet.
@@ -76,7 +81,8 @@ class HandsOfWalks:
         balls = [(shoulders - np.array([0.0, 0.0, low]), STRETCHED * self._lengths - inside) for low in (0.0, LOWERED)]
         for _ in range(DRAWS):
             p[..., 0] = np.maximum(p[..., 0], shoulders[..., 0] - BEHIND + inside)
-            p[..., 1] = sides * np.maximum(sides * p[..., 1], ASIDE + inside)
+            low, back = (np.clip((top - p[..., i]) / RAMP, 0.0, 1.0) for i, top in ((2, LOW), (0, BACK)))
+            p[..., 1] = sides * np.maximum(sides * p[..., 1], ASIDE + inside + (OUT - ASIDE) * low * back)
             p[..., :2] *= np.maximum((BESIDE + inside) / np.linalg.norm(p[..., :2], axis=-1), 1.0)[..., None]
             for middle, radius in balls:
                 away = np.linalg.norm(p - middle, axis=-1)
