@@ -84,5 +84,7 @@ def test_a_foot_turns_the_shorter_way():
     """Headings are measured between -pi and pi, and a base that goes on turning has none of these bounds."""
     swing = Swing.from_rest(Place(0j, np.pi - 0.1), 0.0)
     for k in range(100):
-        swing = swing.advance(Place(0.1 + 0j, 0.1 - np.pi), 0.0, 0.04, k / 100.0, TIME * (1.0 - k / 100.0), TIME / 100.0)
+        swing = swing.advance(
+            Place(0.1 + 0j, 0.1 - np.pi), 0.0, 0.04, k / 100.0, TIME * (1.0 - k / 100.0), TIME / 100.0
+        )
     assert swing.heading.x == pytest.approx(np.pi + 0.1)

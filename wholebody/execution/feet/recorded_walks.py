@@ -18,6 +18,10 @@ SHARE = 0.9
 """Share of the speeds of led hands that a recorded motion is played with [no unit]; chosen: the rest is what drawing
 in between its rows adds."""
 
+ASIDE = 0.12
+"""Speed to the side with which a way is walked at most [m/s]; measured: at 0.15, made up of way and of coming back to
+it, a walk lost its body after 0.3 m."""
+
 
 def walk_limits(config: ControllerConfig) -> WalkLimits | None:
     """Limits of a configured robot, for `policy.recorded.replay.open_recording`; None of one that does not walk."""
@@ -27,5 +31,6 @@ def walk_limits(config: ControllerConfig) -> WalkLimits | None:
     (hand,) = calm((HandLimits(),))
     speeds = SHARE * hand.position.speed, SHARE * hand.orientation.speed
     hands = HandsOfWalks(robot, stance_q(robot.spec, robot.model))
-    shift = Gait().shift
-    return WalkLimits(fastest=FASTEST, acceleration=ACCELERATION, hands=speeds, shift=shift, nearest=hands.nearest)
+    shift, (back, ahead, aside, turn) = Gait().shift, FASTEST
+    fastest = back, ahead, min(aside, ASIDE), turn
+    return WalkLimits(fastest=fastest, acceleration=ACCELERATION, hands=speeds, shift=shift, nearest=hands.nearest)
