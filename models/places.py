@@ -26,6 +26,8 @@ LEVER_TORQUE = (1.0, 2.0)
 """Torques with which the lever is held up, and at which the door unlatches [N m]; chosen: as of common doors."""
 DRAWER_FRICTION = 30.0
 """Dry friction of the drawer [N]; chosen: a full drawer without rollers."""
+LIGHT_FRICTION = 15.0
+"""Dry friction of the light drawer [N]; chosen: half empty."""
 LOCKED_STIFFNESS = 500.0
 """Stiffness of the handle of the locked door [N/m]; chosen: a door that gives in its frame."""
 BUTTON_FORCE = (5.0, 20.0)
@@ -36,5 +38,9 @@ BUTTON_TRAVEL = 0.010
 """How far in the button clicks [m]; chosen: as of an emergency stop."""
 ON_TABLE = (0.42, 0.15, TABLE_HEIGHT)
 """Place of an object on the table, middle of its underside [m]; one for two hands: the same at y = 0."""
+ON_FLOOR = (0.40, 0.15, 0.0)
+"""The same on the floor [m]; chosen: ahead of the feet, where a hand reaches it."""
+ON_SHELF = (0.46, 0.15, SHELF_HEIGHTS[1])
+"""The same on the middle board of the shelf [m]."""
 CRATE_WIDTH, CARTON_WIDTH = 0.30, 0.20
 """Distances of the palms on the crate and on the carton [m]."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import mujoco
 
-from models.places import BOARD, ON_TABLE, SHELF_HEIGHTS, TABLE_EDGE, TABLE_HEIGHT
+from models.places import BOARD, ON_FLOOR, ON_SHELF, ON_TABLE, SHELF_HEIGHTS, TABLE_EDGE, TABLE_HEIGHT
 
 Place = tuple[float, float, float]
 """Point on a surface in world [m], where the middle of an object's underside goes."""
@@ -74,10 +74,14 @@ def add_shelf(mj: mujoco.MjSpec) -> Place:
             rgba=_WOOD,
             friction=_FRICTION,
         )
-    return (0.46, 0.15, SHELF_HEIGHTS[1])
+    return ON_SHELF
 
 
-FURNITURE: dict[str, Callable[[mujoco.MjSpec], Place]] = {"table": add_table, "shelf": add_shelf}
+FURNITURE: dict[str, Callable[[mujoco.MjSpec], Place]] = {
+    "floor": lambda _: ON_FLOOR,
+    "table": add_table,
+    "shelf": add_shelf,
+}
 """Builders by name; each returns where an object goes."""
 
 

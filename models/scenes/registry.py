@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def scene_names() -> tuple[str, ...]:
     """Names of all scenes that the present furniture, objects and fixtures make."""
     held = (f"{furniture}_{thing}" for furniture in FURNITURE for thing in OBJECTS)
-    return ("floor", *FURNITURE, *held, *FIXTURES)
+    return (*FURNITURE, *held, *FIXTURES)
 
 
 SCENES = scene_names()
