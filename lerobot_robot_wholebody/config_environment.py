@@ -42,7 +42,7 @@ class WholebodyEnvConfig(EnvConfig):
             if getattr(self, name) not in known:
                 there = ", ".join(map(str, known))
                 raise ValueError(f"--env.{name}={getattr(self, name)} is unknown; there are {there}")
-        shown = 6 if self.task == "reach" else 9
+        shown = 6 if self.task in ("reach", "wipe") else 9
         sizes = {
             "action": (32, ACTION, FeatureType.ACTION),
             "agent_pos": (23 + shown, OBS_STATE, FeatureType.STATE),

@@ -9,7 +9,7 @@ from lerobot.robots import RobotConfig
 LINKS = ("sim",)
 """What a robot can be reached by so far."""
 CLOCKS = ("wall", "lockstep")
-TASKS = ("none", "reach", "pick", "place", "lift", "press", "hand_over")
+TASKS = ("none", "reach", "pick", "place", "lift", "press", "hand_over", "pick_low", "shelf", "open_drawer", "wipe")
 RECORDS = ("requested", "executed")
 DISTURB_MAX = 0.1
 """Largest standard deviation of a disturbance [m]; chosen: goals are 0.3 m from the stance."""

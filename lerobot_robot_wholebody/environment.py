@@ -119,7 +119,7 @@ class G1Env(gymnasium.Env):
 
     def _observation(self) -> dict[str, Any]:
         observation, about = self._seen.observation, self._numbers
-        shown = self._task.shown(observation, about.anchor(observation), about.palms(observation))
+        shown = self._task.shown(self._seen, about.anchor(observation), about.palms(observation))
         numbers = about.state(observation) | shown
         found: dict[str, Any] = {
             "agent_pos": np.array([*numbers.values()], dtype=np.float32),

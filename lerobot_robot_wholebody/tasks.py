@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
-from models.places import BUTTON_TRAVEL, ON_TABLE
+from lerobot_robot_wholebody.wiping import Wipe
+from models.places import BUTTON_TRAVEL, ON_FLOOR, ON_SHELF, ON_TABLE, SHELF_HEIGHTS
 from policy.action_spec.anchor import Anchor
 from policy.learned.place import SPOT, SPREAD, drawn, off_spot
 from policy.learned.reach import REACHED, goals_of
 from policy.learned.things import shown_of, thing_in_stance
-from policy.observation import Observation
+from policy.scripted.chores import open_drawer, pick_from_floor, put_on_shelf
 from policy.scripted.contact import lift_carton, press
 from policy.scripted.library import grasp, hand_over
 from policy.scripted.place import place
@@ -22,6 +24,13 @@ from policy.scripted.policy import ScriptedPolicy
 from wholebody.live.served.messages import Seen
 
 SIDES = ("left", "right")
+ON_BOARD, HIGHER = (0.45, 0.15), SHELF_HEIGHTS[2] - SHELF_HEIGHTS[1]
+"""Spot on the upper board of the shelf, and how much higher that is than the middle one [m]; chosen: all of the thing
+is on the board."""
+AT_FLOOR = 0.12
+"""Height at which something on the floor is grasped [m]; chosen: 0.08 m below, a hand has room above the floor."""
+OPEN = 0.25
+"""How far out a drawer is open [m]; chosen: two thirds of its depth."""
 TILT = 0.3
 """Angle from upright up to which a crate that was lifted counts [rad]; chosen: what is in it stays."""
 
@@ -54,7 +63,7 @@ class RobotTask(Protocol):
     def objects(self, usual: np.ndarray) -> np.ndarray | None:
         """Poses (k, 7) of the scene's bodies at the beginning, given the usual ones; None: as they are."""
 
-    def shown(self, observation: Observation, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
+    def shown(self, seen: Seen, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
         """Its numbers by name, in the stance of an anchor, given both palms there (2, 3)."""
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
@@ -94,7 +103,7 @@ class Reach:
         """None are its own."""
         return None
 
-    def shown(self, observation: Observation, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
+    def shown(self, seen: Seen, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
         """The way from each palm to its goal: a policy learns from fewer goals where to go than from their places."""
         return dict(zip(self.names, (self.goals - palms).ravel().tolist(), strict=True))
 
@@ -170,9 +179,9 @@ class Thing:
         """Motion of an expert."""
         return self._about.script(self.off)
 
-    def shown(self, observation: Observation, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
+    def shown(self, seen: Seen, anchor: Anchor, palms: np.ndarray) -> dict[str, float]:
         """Where it is, and the way to it from each palm."""
-        return dict(zip(self.names, shown_of(thing_in_stance(observation, anchor), palms).tolist(), strict=True))
+        return dict(zip(self.names, shown_of(thing_in_stance(seen.observation, anchor), palms).tolist(), strict=True))
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
         """No balls: it is seen itself."""
@@ -195,12 +204,21 @@ def _placed(off: np.ndarray) -> ScriptedPolicy:
     return place(np.add(ON_TABLE, (*off, 0.0)) + up, np.array([*SPOT, ON_TABLE[2]]) + up)
 
 
+def _from_floor(off: np.ndarray) -> ScriptedPolicy:
+    return pick_from_floor(np.add(ON_FLOOR, (*off, AT_FLOOR)))
+
+
+def _on_shelf(off: np.ndarray) -> ScriptedPolicy:
+    here = np.add(ON_SHELF, (*off, 0.08))
+    return put_on_shelf(here, np.array([*ON_BOARD, here[2] + HIGHER]))
+
+
 def _moved(way: tuple[float, float, float], least: float) -> Callable[[np.ndarray, np.ndarray, np.ndarray], float]:
     """Far from moved along an axis of the world, by how much at least [m]."""
     return lambda begin, at, palms: least - float(np.array(way) @ (at - begin))
 
 
-UP, IN = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+UP, IN, OUT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 THINGS = {
     "pick": Moved(
         scene="table_cylinder", words="pick up the cylinder", far=_moved(UP, 0.06), script=_grasped, spread=SPREAD
@@ -221,6 +239,18 @@ THINGS = {
         scene="table_flask", words="hand over the flask", far=_moved(UP, 0.15), script=lambda _: hand_over(), held=30,
         steps=390,
     ),
+    "pick_low": Moved(
+        scene="floor_cylinder", words="pick up the cylinder from the floor", far=_moved(UP, 0.06), script=_from_floor,
+        spread=SPREAD, steps=360,
+    ),
+    "shelf": Moved(
+        scene="shelf_cylinder", words="put the cylinder on the upper board",
+        far=partial(off_spot, spot=ON_BOARD, up=HIGHER), script=_on_shelf, spread=(0.02, 0.03), steps=560,
+    ),
+    "open_drawer": Moved(
+        scene="light_drawer", words="open the drawer", far=_moved(OUT, OPEN), script=lambda _: open_drawer(),
+        steps=480,
+    ),
 }  # fmt: skip
 """What is moved, by the name of its task; distances chosen: past them it is plain that it was done."""
 
@@ -235,4 +265,5 @@ def task_of(name: str, seed: int) -> RobotTask | None:
         raise ValueError(f"there is no task {name}; there are {', '.join(TASKS)}")
     if name in THINGS:
         return Thing(seed, THINGS[name])
-    return Reach(seed) if name == "reach" else None
+    own = {"reach": Reach, "wipe": Wipe}.get(name)
+    return own(seed) if own else None

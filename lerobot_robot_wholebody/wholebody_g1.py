@@ -175,7 +175,7 @@ class WholebodyG1(Robot):
         seen, task, now = self.seen, self.task, self.seen.observation
         self.observation = self.numbers.state(now)
         if task:
-            self.observation |= task.shown(now, self.numbers.anchor(now), self.numbers.palms(now))
+            self.observation |= task.shown(seen, self.numbers.anchor(now), self.numbers.palms(now))
         marks = task.in_world(self.numbers.anchor(now)) if task else []
         self.observation |= self._cameras.look(seen, marks)
         return self.observation

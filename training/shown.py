@@ -25,7 +25,7 @@ degree in a rotation, which is more than a robot that stands still is off, and l
 
 def shown_columns(names: Sequence[str]) -> list[int]:
     """Columns of what is shown of a task, of the state's names."""
-    return [k for k, name in enumerate(names) if name.startswith(("to_goal_", "object_", "to_object_"))]
+    return [k for k, name in enumerate(names) if name.startswith(("to_goal_", "to_streak_", "object_", "to_object_"))]
 
 
 def add_shown(plain: Path, whole: Path) -> None:

@@ -30,16 +30,20 @@ SECONDS = 14.0
 """Time of an episode [s]; derived: the 420 steps of the task."""
 
 
-def off_spot(begin: np.ndarray, at: np.ndarray, palms: np.ndarray) -> float:
-    """How far a thing is from standing on the spot with no hand at it [m]; 0 or less: it is put down.
+def off_spot(
+    begin: np.ndarray, at: np.ndarray, palms: np.ndarray, spot: tuple[float, float] = SPOT, up: float = 0.0
+) -> float:
+    """How far a thing is from standing on a spot with no hand at it [m]; 0 or less: it is put down.
 
     Args:
         begin: Where it stood, (3,) [m].
         at: Where it is, (3,) [m].
         palms: Where both palms are, (2, 3) [m].
+        spot: Where it is to be, x and y [m].
+        up: How much higher it is to stand than it stood [m].
     """
-    off, near = float(np.linalg.norm(at[:2] - SPOT)), float(np.linalg.norm(palms - at, axis=1).min())
-    return max(off - ON_SPOT, abs(float(at[2] - begin[2])) - STANDS, LET_GO - near)
+    off, near = float(np.linalg.norm(at[:2] - spot)), float(np.linalg.norm(palms - at, axis=1).min())
+    return max(off - ON_SPOT, abs(float(at[2] - begin[2]) - up) - STANDS, LET_GO - near)
 
 
 def drawn(rng: np.random.Generator, spread: tuple[float, float] = SPREAD) -> np.ndarray:

@@ -138,7 +138,7 @@ def test_a_setting_that_cannot_be_is_refused_by_its_name(name, value):
         WholebodyEnvConfig(**{name: value})
 
 
-@pytest.mark.parametrize("task", ["reach", "pick", "lift"])
+@pytest.mark.parametrize("task", ["reach", "pick", "lift", "wipe"])
 def test_lerobots_features_are_the_environments(task, env, picking):
     config = WholebodyEnvConfig(task=task)
     there = {"reach": env, "pick": picking}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import Literal
 
@@ -86,6 +86,7 @@ class Seen:
         observation: State of the robot, and where things are; its time is the robot's own.
         status: What the controller says of itself, and why, in one word each.
         fallen: Whether standing was lost.
+        forces: Force that each palm feels of what it touches, in world axes, shape (2, 3), [N]; zeros: it does not.
         followed: Time of the robot up to which the targets are followed: what was said later is under way, or held [s].
     """
 
@@ -93,6 +94,7 @@ class Seen:
     status: tuple[str, str] = ("", "")
     fallen: bool = False
     followed: float = -inf
+    forces: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
 
     @property
     def objects(self) -> np.ndarray:

@@ -46,7 +46,8 @@ def seen_by(loop: ControlLoop, objects: np.ndarray, fallen: bool) -> Seen:
     observation = observe(loop.spec, supervisor, loop.state, now=loop.clock.now(), objects=objects)
     status, chunk = supervisor.status, supervisor.chunk
     names = (status.status.value, str(status.reason or ""))
-    return Seen(observation, names, fallen, -inf if chunk is None else float(chunk.t_obs))
+    followed = -inf if chunk is None else float(chunk.t_obs)
+    return Seen(observation, names, fallen, followed, supervisor.touch.forces.copy())
 
 
 class RemoteProgram:
