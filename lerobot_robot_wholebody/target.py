@@ -40,6 +40,7 @@ class Numbers:
         fingers = [pair for slot in slots for pair in zip(slot.feature_names, slot.joint_names, strict=True)]
         self.bounds = {name: joints[joint] for name, joint in fingers}
         self._at: tuple[Observation, Anchor] | None = None
+        self._palms: tuple[Observation, np.ndarray] | None = None
         self.known = tuple(dict.fromkeys((*self.action_names, *GRASPS, *self.state_names)))
 
     def anchor(self, observation: Observation) -> Anchor:
@@ -49,11 +50,15 @@ class Numbers:
         return self._at[1]
 
     def palms(self, observation: Observation) -> np.ndarray:
-        """Palm points in the stance, left first, shape (2, 3), [m]."""
-        anchor = self.anchor(observation)
-        T = inverse(anchor.T_world_stance) @ anchor.T_world_base
-        hands = (("lhand", "left"), ("rhand", "right"))
-        return np.array([palm_of(T @ anchor.poses[hand], side, self) for hand, side in hands])
+        """Palm points in the stance, left first, shape (2, 3), [m]; found once as well."""
+        found = self._palms
+        if found is None or found[0] is not observation:
+            anchor = self.anchor(observation)
+            T = inverse(anchor.T_world_stance) @ anchor.T_world_base
+            hands = (("lhand", "left"), ("rhand", "right"))
+            palms = np.array([palm_of(T @ anchor.poses[hand], side, self) for hand, side in hands])
+            self._palms = found = observation, palms
+        return found[1].copy()
 
     def executed(self, observation: Observation) -> dict[str, float]:
         """Executed action: numbers of the measured wrists and fingers, by name."""
@@ -100,14 +105,14 @@ class Accepted:
         now |= {name: float(np.clip(now[name], *bounds)) for name, bounds in numbers.bounds.items() if name in now}
         anchor, going_back = numbers.anchor(observation), bool(given.keys() - now.keys() - grasps.keys())
         try:
-            chunk = decode(spec, np.array([[(self.last | now)[name] for name in spec.feature_names]]), anchor)
+            chunk = decode(spec, np.array([[now.get(name, value) for name, value in self.last.items()]]), anchor)
         except ChunkError:
             turns = {name for name in now if "_wrist_r" in name}
             if not (going_back and turns):
                 raise
             # LeRobot's way back blends rotations number by number: where that gives none, a hand keeps its own.
             return self.take({name: value for name, value in given.items() if name not in turns}, observation)
-        self.last = dict(zip(spec.feature_names, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
+        self.last = dict(zip(self.last, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
         poses = {"lhand": chunk.T_world_lhand[0], "rhand": chunk.T_world_rhand[0]}
         everything = poses | {"q_lhand": chunk.q_lhand[0], "q_rhand": chunk.q_rhand[0]}
         parts = {part for prefix, part in _PARTS.items() if any(name.startswith(prefix) for name in now)}

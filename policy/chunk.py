@@ -87,6 +87,11 @@ class ActionChunk:
         return self.t_obs + np.arange(len(self)) / self.fps
 
     @property
+    def end(self) -> float:
+        """Time of the last step [s]."""
+        return self.t_obs + (len(self) - 1) / self.fps
+
+    @property
     def pushes(self) -> tuple[bool, bool]:
         """Whether the left and the right hand are expected to touch something: to feel a force at some step."""
         left, right = (f is not None and bool(np.any(f)) for f in (self.f_world_lpalm, self.f_world_rpalm))

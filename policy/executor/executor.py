@@ -155,12 +155,12 @@ class Executor:
         passed, self._polled = now - self._polled, now
         if self.running is None:
             self.report.waited += passed
-        elif now > self.running.times[-1] + TIME_TOLERANCE:
+        elif now > self.running.end + TIME_TOLERANCE:
             self.report.starved += passed
             if not self._starving:
                 self._starving = True
                 self.report.starvations += 1
-                self.report.add(now, "starved", f"the last chunk ended at {self.running.times[-1]:.3f} s")
+                self.report.add(now, "starved", f"the last chunk ended at {self.running.end:.3f} s")
         if self._asked is not None and not self._hung and now - self._asked > self.config.hang_after:
             self._hung = True
             self.report.add(now, "policy_hung", f"no answer since {self._asked:.3f} s")
@@ -170,7 +170,7 @@ class Executor:
             return False
         if self.running is None or self._hastened:
             return True
-        goes_on = self.running.times[-1] < until - TIME_TOLERANCE
+        goes_on = self.running.end < until - TIME_TOLERANCE
         return goes_on and now >= self.running.t_obs + self._asked_after(self.running) - TIME_TOLERANCE
 
     def _asked_after(self, chunk: ActionChunk) -> float:

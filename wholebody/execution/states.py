@@ -57,12 +57,12 @@ class Event(Enum):
     CANCELLED = "the robot leaves its plan, is lowered, has fallen or is not seen"
 
 
-OFF_PLAN = frozenset({State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING, State.RISING})
+OFF_PLAN = (State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING, State.RISING)
 """States in which the reflex says what is followed: no plan is."""
-ENDING = frozenset({State.LOWERING, State.LOWERED, State.RAISING})
+ENDING = (State.LOWERING, State.LOWERED, State.RAISING)
 """States in which no chunk is accepted: the robot goes into its crouch, or out of it."""
 
-STEPPING = frozenset({State.WALKING, State.RECOVERING})
+STEPPING = (State.WALKING, State.RECOVERING)
 """States in which a walk says what is followed."""
 
 

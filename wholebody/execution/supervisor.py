@@ -154,7 +154,7 @@ class Supervisor(Commands):
         if chunk is None or self.handover.busy or now < self._retry or self._stepping.coming:
             return
         self._waiting = None
-        if chunk.times[-1] > now:
+        if chunk.end > now:
             self._ask(chunk)
         else:
             self._go_back()

@@ -83,7 +83,7 @@ class ControlLoop:
         state: The one that the supervisor was reset with.
         task: What the policy is told to do.
         clock: The robot's; the wall's since the robot's origin if not given.
-        scored: Whether the palms' errors are measured.
+        scored: Whether the lateness of ticks and the errors of palms are measured.
 
     Attributes:
         executor: Where chunks come from, on the robot's clock; None: there are none.
@@ -124,9 +124,11 @@ class ControlLoop:
             due = tick * self.dt
             state = self.robot.receive(max(due + LATE_SHARE * self.dt - self.clock.now(), 0.0))
             now = self.clock.now()
-            self.lateness.began(now, due)
+            if self._scored:
+                self.lateness.began(now, due)
             self._tick(state, now)
-            self.lateness.ended(self.clock.now() - now)
+            if self._scored:
+                self.lateness.ended(self.clock.now() - now)
             more = going(now) and not self.stopped
             following = max(tick + 1, int(self.clock.now() / self.dt))
             self.lateness.missed += following - tick - 1
