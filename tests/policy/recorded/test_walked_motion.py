@@ -10,7 +10,7 @@ from policy import write_motion_csv
 from policy.action_spec.anchor import Anchor
 from policy.geometry.se3 import make_transform
 from policy.observation import Observation
-from policy.recorded.motion_csv import HANDS_ONLY, Motion, travels
+from policy.recorded.motion_csv import HANDS_ONLY, Motion, motion_chunk, travels
 from policy.recorded.replay import ReplayPolicy, WalkedReplay, open_recording
 from policy.recorded.walked_motion import BEFORE, WalkedWay, WalkLimits, base_way, walked_along, walked_chunk
 from tests.support.made_walks import WALKS, MadeWalk, along, made_walk
@@ -46,6 +46,8 @@ def test_the_way_is_walked_within_the_limits_from_rest_to_rest(name):
     assert walked.times[-1] >= motion.duration - 1e-9
     (note,) = (text for text in chunk.notes if text.startswith("this motion is walked"))
     assert f"{walked.times[-1] / motion.duration:.2f} x slower" in note
+    (stays,) = (text for text in motion_chunk(motion).notes if text.startswith(HANDS_ONLY))
+    assert "travel" in stays or "turn" in stays
 
 
 def test_a_slow_walk_is_as_fast_as_it_was_recorded():
