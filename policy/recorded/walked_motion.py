@@ -48,6 +48,8 @@ SLOWER = 1.01
 DRAWN = 0.002
 """Distance by which a hand is drawn in from which that is said [m]; chosen: palms of a robot that steps are as far
 off."""
+FAR_HANDS = "another motion of the hands: "
+"""How a note begins that says that hands are drawn in by more than what is done after repair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +61,7 @@ class WalkLimits:
         acceleration: Of the base along its way [m/s^2] and about the vertical [rad/s^2].
         hands: Largest speed of a hand [m/s], and of its turn [rad/s].
         shift: Time in which the weight is shifted before the base begins to move [s].
+        far: Distance by which a hand is drawn in from which its motion is another one [m].
         nearest: From wrists of the left and the right hand in the upright pelvis, shape (2, n, 3), to the nearest that
             a robot that walks can have, likewise [m].
     """
@@ -67,6 +70,7 @@ class WalkLimits:
     acceleration: tuple[float, float]
     hands: tuple[float, float]
     shift: float
+    far: float
     nearest: Callable[[np.ndarray], np.ndarray]
 
     def share(self, velocities: np.ndarray) -> np.ndarray:
@@ -192,7 +196,10 @@ def _drawn_in(hands: dict[str, np.ndarray], limits: WalkLimits) -> tuple[dict[st
     away = np.linalg.norm(near - points, axis=-1).max(axis=0)
     if away.max() <= DRAWN:
         return found, ()
-    text = f"hands that are further from their shoulders than a robot walks with, in {np.mean(away > DRAWN):.0%} of the"
+    text = FAR_HANDS if away.max() > limits.far else ""
+    text += (
+        f"hands that are further from their shoulders than a robot walks with, in {np.mean(away > DRAWN):.0%} of the"
+    )
     return found, (f"{text} rows, are drawn in by up to {away.max():.3f} m: their own way {NOT_FOLLOWED}",)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from policy.action_spec.slot_values import CLIPPED, NOT_FOLLOWED, OUT_OF_RANGE
 from policy.recorded.motion_csv import HANDS_ONLY
+from policy.recorded.walked_motion import FAR_HANDS
 from wholebody.config import START_MAX
 from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.approach import approach_steps
@@ -272,6 +273,7 @@ def _notes(result: EpisodeResult) -> Iterator[Violation]:
         subject = f"{note.text}{times and f',{times}'}"
         changed = any(words in note.text for words in NOT_AS_GIVEN)
         code, severity = (Reason.CHANGED_NUMBERS, Severity.REPAIR) if changed else (Reason.CHUNK_NOTE, Severity.NOTE)
+        severity = Severity.INFEASIBLE if note.text.startswith(FAR_HANDS) else severity
         yield Violation(code=code, severity=severity, subject=subject, time=note.time)
 
 

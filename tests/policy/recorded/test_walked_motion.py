@@ -12,11 +12,11 @@ from policy.geometry.se3 import make_transform
 from policy.observation import Observation
 from policy.recorded.motion_csv import HANDS_ONLY, Motion, motion_chunk, travels
 from policy.recorded.replay import ReplayPolicy, WalkedReplay, open_recording
-from policy.recorded.walked_motion import BEFORE, WalkedWay, WalkLimits, base_way, walked_along, walked_chunk
+from policy.recorded.walked_motion import BEFORE, FAR_HANDS, WalkedWay, WalkLimits, base_way, walked_along, walked_chunk
 from tests.support.made_walks import WALKS, MadeWalk, along, made_walk
 
 LIMITS = WalkLimits(
-    fastest=(-0.25, 0.4, 0.15, 0.5), acceleration=(0.3, 0.8), hands=(0.9, 4.0), shift=0.6, nearest=lambda p: p
+    fastest=(-0.25, 0.4, 0.15, 0.5), acceleration=(0.3, 0.8), hands=(0.9, 4.0), shift=0.6, far=0.06, nearest=lambda p: p
 )
 
 
@@ -68,6 +68,8 @@ def test_hands_that_a_walk_cannot_have_are_drawn_in_and_said():
     low = replace(LIMITS, nearest=lambda points: points - np.array([0.0, 0.0, 0.05]))
     chunk = walked_chunk(motion, low)
     assert "are drawn in by up to 0.050 m: their own way is not followed" in chunk.notes[0]
+    assert not chunk.notes[0].startswith(FAR_HANDS)
+    assert walked_chunk(motion, replace(low, far=0.04)).notes[0].startswith(FAR_HANDS)
     np.testing.assert_allclose(chunk.T_world_lhand[0] - walked_chunk(motion, LIMITS).T_world_lhand[0],
                                [[0] * 4, [0] * 4, [0, 0, 0, -0.05], [0] * 4], atol=1e-12)  # fmt: skip
 

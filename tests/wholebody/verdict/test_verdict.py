@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from policy.executor.report import ExecutionReport
+from policy.recorded.walked_motion import FAR_HANDS
 from wholebody.config.file import config_from
 from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult, Note, Refusal
@@ -19,6 +20,7 @@ from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json, violation_line
 from wholebody.verdict.verdict import verdict_of
+from wholebody.verdict.why.headline import headline
 
 
 def result(*, errors=0.001, lags=0.001, moved=0.001, reasons=(None,) * 10, **changes):
@@ -303,6 +305,12 @@ def test_a_policy_that_fails_again_and_again_is_one_line_with_the_first_time():
     verdict = verdict_of("wave", result(refusals=refusals))
     said = [(v.subject, pytest.approx(v.time)) for v in verdict.violations if v.code == "refused"]
     assert said == [("policy_raised 40 times: KeyError: 0", -1.0), ("policy_hung: no answer since 0.600 s", 0.6)]
+
+
+def test_recorded_hands_that_no_walk_can_have_are_another_motion():
+    verdict = verdict_of("walk", result(notes=[Note(1.0, f"{FAR_HANDS}hands are drawn in: their way is not followed")]))
+    assert (verdict.verdict, verdict.violations[0].code) == ("infeasible", "changed_numbers")
+    assert headline(verdict).startswith(FAR_HANDS)
 
 
 def test_what_decoding_changed_is_one_line_whatever_its_numbers():

@@ -33,4 +33,5 @@ def walk_limits(config: ControllerConfig) -> WalkLimits | None:
     hands = HandsOfWalks(robot, stance_q(robot.spec, robot.model))
     shift, (back, ahead, aside, turn) = Gait().shift, FASTEST
     fastest = back, ahead, min(aside, ASIDE), turn
-    return WalkLimits(fastest=fastest, acceleration=ACCELERATION, hands=speeds, shift=shift, nearest=hands.nearest)
+    settings = {"hands": speeds, "shift": shift, "far": config.verdict.palm_repair, "nearest": hands.nearest}
+    return WalkLimits(fastest=fastest, acceleration=ACCELERATION, **settings)
