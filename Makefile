@@ -8,6 +8,7 @@ SHELL := /bin/sh
 VENV ?= .venv
 LATEST := .venv-latest
 OPENPI_VENV := .venv-openpi
+TOUR := build/gaitkeeper
 BIN := $(VENV)/bin
 PYTEST = -m pytest -q
 PLUGIN = lerobot_robot_wholebody
@@ -34,7 +35,7 @@ REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: configs help demo setup setup-core lint format test regression regression-update studies loop test-lerobot test-latest test-openpi test-browser fuzz-readers bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update studies loop test-lerobot test-latest test-openpi test-browser test-tour fuzz-readers bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -81,6 +82,9 @@ test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's o
 
 test-browser: $(VENV)/.all-installed ## Look at the live page in Chromium, from the system's packages
 	$(BIN)/python $(PYTEST) -m browser $(ARGS)
+
+test-tour: $(VENV)/.all-installed $(TOUR)/.installed ## Walk the waypoint tour of gaitkeeper: make test-tour ARGS="--seeds 0 20"
+	PYTHONPATH="$(TOUR)" OMP_NUM_THREADS=1 $(BIN)/python -m tests.studies.tour --out build/tour.jsonl $(ARGS)
 
 loop: $(VENV)/.all-installed ## Record, train and evaluate a policy with LeRobot's commands: make loop TASK=pick
 	@$(BIN)/wholebody warmup
@@ -138,4 +142,9 @@ $(LATEST)/.installed: pyproject.toml requirements/setup.in
 $(OPENPI_VENV)/.installed:
 	@python=$$(requirements/find-python) && "$$python" -m venv --clear $(OPENPI_VENV)
 	$(OPENPI_VENV)/bin/python -m pip install --quiet --disable-pip-version-check openpi-client==0.1.2 typing_extensions
+	@touch $@
+
+# Without its dependencies, which are here, but for a MuJoCo before 4, which its draws do not need.
+$(TOUR)/.installed: | $(VENV)/.all-installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target $(TOUR) gaitkeeper==0.5.4
 	@touch $@
