@@ -77,7 +77,8 @@ def test_every_command_of_the_readme_runs(line, folder, monkeypatch, request):
     else:
         name, *rest = shlex.split(line)
         given = [path for word in rest for path in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
-        short = SHORT.get(name, [])
+        # A walk that is cut short came nowhere, and its verdict says so.
+        short = [] if "walk_reach" in given else SHORT.get(name, [])
         if "ws://HOST:8000" in given:
             given[given.index("ws://HOST:8000")] = request.getfixturevalue("address")
             short = ["--duration", "4", "--hold", "0"]  # this policy takes its own time to answer
