@@ -74,10 +74,10 @@ class WalkLimits:
     nearest: Callable[[np.ndarray], np.ndarray]
 
     def share(self, velocities: np.ndarray) -> np.ndarray:
-        """Share of the fastest walk that velocities (n, 3) are, shape (n,)."""
+        """Share of the fastest walk that velocities (n, 3) are, their parts as sides of a box, shape (n,)."""
         back, ahead, aside, fast = self.fastest
         x, y, turn = velocities.T
-        return np.maximum.reduce([x / ahead, x / back, np.abs(y) / aside, np.abs(turn) / fast])
+        return np.linalg.norm([np.maximum(x / ahead, x / back), y / aside, turn / fast], axis=0)
 
 
 @dataclass(frozen=True)

@@ -51,10 +51,13 @@ def velocity(told: Sequence[float]) -> Velocity | StatusReport:
 
 
 def share_of_fastest(velocities: np.ndarray) -> float:
-    """Share of `FASTEST` that the fastest of velocities (..., 3) is."""
+    """Share of the fastest walk that the fastest of velocities (..., 3) is, its parts as sides of a box.
+
+    Measured: with each part up to `FASTEST` by itself 3 of 3 tours (`tests.studies.tour --only own`) fell within 30 s.
+    """
     back, ahead, aside, fast = FASTEST
     x, y, turn = np.moveaxis(velocities, -1, 0)
-    return float(max(np.max(x) / ahead, np.min(x) / back, np.abs(y).max() / aside, np.abs(turn).max() / fast))
+    return float(np.linalg.norm([np.maximum(x / ahead, x / back), y / aside, turn / fast], axis=0).max())
 
 
 def refused(detail: str) -> StatusReport:

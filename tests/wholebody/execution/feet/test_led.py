@@ -131,7 +131,9 @@ def test_a_velocity_beyond_what_is_walked_is_said_and_scaled(supervisor, plant):
     (note,) = (text for text in led.notes(chunk, walked=True) if "base_velocity" in text)
     assert "is not followed: the robot walks slower" in note
     assert supervisor.accept(chunk).status is Status.TRACKING
-    assert supervisor._stepping._wanted.way == pytest.approx(wanted.FASTEST[1])
+    told = supervisor._stepping._wanted
+    assert told.way.real / told.turn == pytest.approx(9.0)
+    assert np.hypot(told.way.real / wanted.FASTEST[1], told.turn / wanted.FASTEST[3]) == pytest.approx(1.0)
 
 
 def test_a_base_that_scatters_about_rest_is_not_walked(supervisor, plant):
