@@ -153,8 +153,9 @@ class WalkedReplay(ReplayPolicy):
     def __init__(self, episode: ActionChunk, limits: WalkLimits, **settings: Any) -> None:
         super().__init__(episode, **settings)
         self.limits = limits
-        self._places, self._headings = walked_along(episode.base_velocity, episode.fps)
-        self._asked = begun_before(episode.base_velocity, round(limits.shift * episode.fps))
+        way = np.asarray(episode.base_velocity)
+        self._places, self._headings = walked_along(way, episode.fps)
+        self._asked = begun_before(way, round(limits.shift * episode.fps))
         self._begins = int(np.argmax(np.abs(self._asked).max(axis=1) > 0.0))
         self._begin: tuple[complex, float] = 0j, 0.0
         self._waited, self._served = 0.0, 0
@@ -246,7 +247,7 @@ def open_recording(
     suffix, name = Path(path).suffix.lower(), Path(path).stem
     if suffix == ".csv" or (suffix == ".npz" and is_motion_npz(path)):
         motion, notes = read_motion(path, fps, robot, read_as)
-        settings = {"name": name, "spec": builtin("wbc32", robot), "row_fps": motion.fps}
+        settings: dict[str, Any] = {"name": name, "spec": builtin("wbc32", robot), "row_fps": motion.fps}
         if walks is not None and travels(motion) is not None:
             return WalkedReplay(with_notes(walked_chunk(motion, walks), notes), walks, **settings)
         return ReplayPolicy(with_notes(motion_chunk(motion), notes), **settings)
