@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
+from lerobot_robot_wholebody.drawn import Drawn
 from lerobot_robot_wholebody.wiping import Wipe
 from models.places import BUTTON_TRAVEL, ON_FLOOR, ON_SHELF, ON_TABLE, SHELF_HEIGHTS
 from policy.action_spec.anchor import Anchor
@@ -73,7 +74,7 @@ class RobotTask(Protocol):
         """How far from done it is [m], given both palms in the stance (2, 3); 0 or less: done."""
 
 
-class Reach:
+class Reach(Drawn):
     """Both palms have a goal each, drawn anew by `next`.
 
     Args:
@@ -86,14 +87,6 @@ class Reach:
     scene, held, steps, words = "", 10, 150, "reach the balls"
     marks = len(SIDES)
     names = tuple(f"to_goal_{side}_{axis}.pos" for side in SIDES for axis in "xyz")
-
-    def __init__(self, seed: int) -> None:
-        self._rng = np.random.default_rng(seed)
-        self.next()
-
-    def next(self) -> None:
-        """Draw other goals."""
-        self.draw(self._rng)
 
     def draw(self, rng: np.random.Generator) -> None:
         """Draw other goals from somebody's numbers."""
@@ -140,7 +133,7 @@ class Moved:
     steps: int = 300
 
 
-class Thing:
+class Thing(Drawn):
     """Something is to be moved, which stands a little elsewhere each time.
 
     Args:
@@ -155,14 +148,10 @@ class Thing:
     )
 
     def __init__(self, seed: int, about: Moved) -> None:
-        self._rng, self._about = np.random.default_rng(seed), about
+        self._about = about
         self.scene, self.words, self.held, self.steps = about.scene, about.words, about.held, about.steps
         self._begin: np.ndarray | None = None
-        self.next()
-
-    def next(self) -> None:
-        """Draw another place."""
-        self.draw(self._rng)
+        super().__init__(seed)
 
     def draw(self, rng: np.random.Generator) -> None:
         """Draw another place from somebody's numbers."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lerobot_robot_wholebody.drawn import Drawn
 from models.places import TABLE_HEIGHT
 from policy.action_spec.anchor import Anchor
 from policy.scripted.chores import wipe_off
@@ -24,7 +25,7 @@ GONE = -1.0
 """Height of the ball that shows a spot which was wiped off [m]; chosen: under the floor."""
 
 
-class Wipe:
+class Wipe(Drawn):
     """A streak of spots on the table is to be wiped off with the left hand; it is elsewhere each time.
 
     Args:
@@ -38,14 +39,6 @@ class Wipe:
     scene, held, steps, words = "table", 1, 390, "wipe the streak off the table"
     marks = SPOTS
     names = tuple(f"to_streak_{end}_{axis}.pos" for end in ("near", "far") for axis in "xyz")
-
-    def __init__(self, seed: int) -> None:
-        self._rng = np.random.default_rng(seed)
-        self.next()
-
-    def next(self) -> None:
-        """Draw another streak."""
-        self.draw(self._rng)
 
     def draw(self, rng: np.random.Generator) -> None:
         """Draw another streak from somebody's numbers."""

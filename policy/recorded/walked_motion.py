@@ -18,7 +18,7 @@ from policy.action_spec.codec import WALK
 from policy.action_spec.slot_values import NOT_FOLLOWED
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
-from policy.geometry.rotations import angle_between
+from policy.geometry.rotations import angle_between, rpy_to_matrix
 from policy.geometry.se3 import interpolate, make_transform
 from policy.kinematics.forward import kinematics
 from policy.reading import STEPS_MAX
@@ -49,7 +49,7 @@ DRAWN = 0.002
 """Distance by which a hand is drawn in from which that is said [m]; chosen: palms of a robot that steps are as far
 off."""
 FAR_HANDS = "another motion of the hands: "
-"""How a note begins that says that hands are drawn in by more than what is done after repair."""
+"""How a note begins that says that hands are elsewhere by more than what is done after repair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,27 +57,23 @@ class WalkLimits:
     """What a robot can do that walks with a recorded motion.
 
     Attributes:
-        fastest: Speeds back (negative), ahead and aside [m/s] and about the vertical [rad/s].
+        share: From velocities (n, 3) to the share of its fastest walk that each is, shape (n,).
         acceleration: Of the base along its way [m/s^2] and about the vertical [rad/s^2].
         hands: Largest speed of a hand [m/s], and of its turn [rad/s].
         shift: Time in which the weight is shifted before the base begins to move [s].
-        far: Distance by which a hand is drawn in from which its motion is another one [m].
+        near, far: Distances by which a hand is elsewhere up to which it is where it was recorded, and from which its
+            motion is another one [m].
         nearest: From wrists of the left and the right hand in the upright pelvis, shape (2, n, 3), to the nearest that
             a robot that walks can have, likewise [m].
     """
 
-    fastest: tuple[float, float, float, float]
+    share: Callable[[np.ndarray], np.ndarray]
     acceleration: tuple[float, float]
     hands: tuple[float, float]
     shift: float
+    near: float
     far: float
     nearest: Callable[[np.ndarray], np.ndarray]
-
-    def share(self, velocities: np.ndarray) -> np.ndarray:
-        """Share of the fastest walk that velocities (n, 3) are, their parts as sides of a box, shape (n,)."""
-        back, ahead, aside, fast = self.fastest
-        x, y, turn = velocities.T
-        return np.linalg.norm([np.maximum(x / ahead, x / back), y / aside, turn / fast], axis=0)
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,9 @@ class WalkedWay:
     def of(cls, motion: Motion, limits: WalkLimits) -> WalkedWay:
         """A motion of two frames or more within the limits of a robot."""
         way = base_way(motion)
-        hands, notes = _drawn_in(hands_of(motion), limits)
+        recorded = hands_of(motion)
+        hands, notes = _drawn_in(recorded, limits)
+        notes += _of_pelvis(motion, recorded, limits)
         pace = _pace(_velocities(way, motion.fps), _haste(hands, motion.fps, limits), motion.fps, limits)
         times = np.concatenate([[0.0], np.cumsum(2.0 / (pace[1:] + pace[:-1]))]) / motion.fps
         return cls(times, way, hands, notes)
@@ -201,6 +199,21 @@ def _drawn_in(hands: dict[str, np.ndarray], limits: WalkLimits) -> tuple[dict[st
         f"hands that are further from their shoulders than a robot walks with, in {np.mean(away > DRAWN):.0%} of the"
     )
     return found, (f"{text} rows, are drawn in by up to {away.max():.3f} m: their own way {NOT_FOLLOWED}",)
+
+
+def _of_pelvis(motion: Motion, hands: dict[str, np.ndarray], limits: WalkLimits) -> tuple[str, ...]:
+    """Note on a pelvis that bows or goes down, and hands with it: a robot that walks is upright and has one height."""
+    upright = rpy_to_matrix(headings(motion)[:, None] * [0.0, 0.0, 1.0])
+    rise = motion.T_world_base[:, 2, 3] - Anchor.nominal(robot=motion.robot).T_world_base[2, 3]
+    turned = motion.T_world_base[:, :3, :3] - upright
+    away = [turned @ T[:, :3, 3:] + rise[:, None, None] * [[0.0], [0.0], [1.0]] for T in hands.values()]
+    off = np.linalg.norm(away, axis=2).max(axis=0)[:, 0]
+    if off.max() <= limits.near:
+        return ()
+    tilt = np.rad2deg(np.arccos(np.clip(motion.T_world_base[:, 2, 2], -1.0, 1.0)).max())
+    text = FAR_HANDS if off.max() > limits.far else ""
+    text += f"the pelvis tilts by up to {tilt:.0f} deg and is up to {np.abs(rise).max():.2f} m off the robot's height"
+    return (f"{text}, which {NOT_FOLLOWED}: hands are up to {off.max():.2f} m off, over the floor",)
 
 
 def _haste(hands: dict[str, np.ndarray], fps: float, limits: WalkLimits) -> np.ndarray:

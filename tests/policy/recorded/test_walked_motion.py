@@ -1,6 +1,7 @@
 """Motions that are walked. Strategy: walks of another gait are made, and their way must come back within the limits of
 a robot that walks, from rest to rest, with hands that are nowhere but where it can have them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from policy import write_motion_csv
 from policy.action_spec.anchor import Anchor
+from policy.geometry.rotations import rpy_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.observation import Observation
 from policy.recorded.motion_csv import HANDS_ONLY, Motion, motion_chunk, travels
@@ -15,9 +17,23 @@ from policy.recorded.replay import ReplayPolicy, WalkedReplay, open_recording
 from policy.recorded.walked_motion import BEFORE, FAR_HANDS, WalkedWay, WalkLimits, base_way, walked_along, walked_chunk
 from tests.support.made_walks import WALKS, MadeWalk, along, made_walk
 
+
+def share(velocities):
+    """0.4 m/s ahead, 0.25 back, 0.15 aside and 0.5 rad/s, together."""
+    x, y, turn = velocities.T
+    return np.sqrt((x / np.where(x > 0.0, 0.4, 0.25)) ** 2 + (y / 0.15) ** 2 + (turn / 0.5) ** 2)
+
+
 LIMITS = WalkLimits(
-    fastest=(-0.25, 0.4, 0.15, 0.5), acceleration=(0.3, 0.8), hands=(0.9, 4.0), shift=0.6, far=0.06, nearest=lambda p: p
+    share=share,
+    acceleration=(0.3, 0.8),
+    hands=(0.9, 4.0),
+    shift=0.6,
+    near=0.02,
+    far=0.05,
+    nearest=lambda points: points,
 )
+SLOW = MadeWalk((along(1.0, 0.0, 0.0, 0.0), along(6.0, 0.15, 0.0, 0.0), along(1.0, 0.0, 0.0, 0.0)), swing=0.05)
 
 
 def placed(motion):
@@ -51,9 +67,23 @@ def test_the_way_is_walked_within_the_limits_from_rest_to_rest(name):
 
 
 def test_a_slow_walk_is_as_fast_as_it_was_recorded():
-    slow = MadeWalk((along(1.0, 0.0, 0.0, 0.0), along(6.0, 0.15, 0.0, 0.0), along(1.0, 0.0, 0.0, 0.0)), swing=0.05)
-    chunk = walked_chunk(made_walk(slow), LIMITS)
-    assert chunk.notes[0].endswith("as fast as it was recorded")
+    bobs, note = walked_chunk(made_walk(SLOW), LIMITS).notes
+    assert note.endswith("as fast as it was recorded")
+    assert "hands are up to 0.02 m off, over the floor" in bobs
+    assert not bobs.startswith(FAR_HANDS)
+
+
+@pytest.mark.parametrize(("low", "pitch"), [(0.1, 0.0), (0.0, 0.3), (0.2, 0.4)])
+def test_a_bow_and_a_squat_on_the_way_are_another_motion_of_the_hands(low, pitch):
+    """A robot that walks is upright: as recorded, and `feasible`, was said of a walk whose hands went down by 0.3 m."""
+    motion = made_walk(SLOW)
+    share = np.exp(-(((np.arange(len(motion)) / motion.fps - 4.0) / 1.2) ** 2))
+    T = motion.T_world_base @ make_transform(rpy_to_matrix(pitch * share[:, None] * [0.0, 1.0, 0.0]), np.zeros(3))
+    T[:, 2, 3] -= low * share
+    note = walked_chunk(Motion(motion.fps, T, motion.q_body), LIMITS).notes[0]
+    assert note.startswith(FAR_HANDS)
+    assert float(re.search(r"up to ([\d.]+) m off the robot's height", note)[1]) == pytest.approx(low, abs=0.025)
+    assert "which is not followed" in note
 
 
 def test_steps_of_a_person_are_no_part_of_the_way():

@@ -20,7 +20,7 @@ from policy.chunk import ActionChunk
 from policy.geometry.se3 import inverse, make_transform, yaw_frame
 from policy.kinematics.forward import kinematics
 from wholebody.execution.feet.carried import about_z
-from wholebody.execution.feet.wanted import FASTEST, share_of_fastest, velocity
+from wholebody.execution.feet.wanted import FASTEST, shares_of_fastest, velocity
 from wholebody.planning.plan import PlanReport
 from wholebody.walking.places import Place, Velocity
 
@@ -132,7 +132,7 @@ def notes(chunk: ActionChunk, *, walked: bool, not_led: str | None = None) -> tu
     if not walked:
         return chunk.notes if not_led is None else (*chunk.notes, f"base_velocity {NOT_FOLLOWED}: {not_led}")
     kept = tuple(note for note in chunk.notes if not note.startswith("base_velocity"))
-    if share_of_fastest(chunk.base_velocity) <= 1.0:
+    if shares_of_fastest(chunk.base_velocity).max() <= 1.0:
         return kept
     back, ahead, aside, turn = FASTEST
     most = f"{ahead:g} ahead, {-back:g} back, {aside:g} m/s aside, {turn:g} rad/s"

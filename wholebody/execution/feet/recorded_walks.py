@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from models.pinocchio_model import stance_q
 from policy.recorded.walked_motion import WalkLimits
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.execution.feet.hands_of_walks import HandsOfWalks
 from wholebody.execution.feet.led_walk import calm
-from wholebody.execution.feet.wanted import FASTEST
+from wholebody.execution.feet.wanted import FASTEST, shares_of_fastest
 from wholebody.reference import HandLimits
 from wholebody.robot.state import Robot
 from wholebody.walking.gait import Gait
@@ -29,9 +31,13 @@ def walk_limits(config: ControllerConfig) -> WalkLimits | None:
         return None
     robot = Robot(describe(config.robot))
     (hand,) = calm((HandLimits(),))
-    speeds = SHARE * hand.position.speed, SHARE * hand.orientation.speed
-    hands = HandsOfWalks(robot, stance_q(robot.spec, robot.model))
-    shift, (back, ahead, aside, turn) = Gait().shift, FASTEST
-    fastest = back, ahead, min(aside, ASIDE), turn
-    settings = {"hands": speeds, "shift": shift, "far": config.verdict.palm_repair, "nearest": hands.nearest}
-    return WalkLimits(fastest=fastest, acceleration=ACCELERATION, **settings)
+    back, ahead, aside, turn = FASTEST
+    return WalkLimits(
+        share=partial(shares_of_fastest, fastest=(back, ahead, min(aside, ASIDE), turn)),
+        acceleration=ACCELERATION,
+        hands=(SHARE * hand.position.speed, SHARE * hand.orientation.speed),
+        shift=Gait().shift,
+        near=config.verdict.palm_feasible,
+        far=config.verdict.palm_repair,
+        nearest=HandsOfWalks(robot, stance_q(robot.spec, robot.model)).nearest,
+    )

@@ -7,7 +7,7 @@ import pytest
 from policy import write_motion_csv
 from policy.recorded.replay import WalkedReplay, open_recording
 from tests.support.made_walks import MadeWalk, along, made_walk
-from tests.support.recorded_walks import CONFIG, LIMITS, replayed
+from tests.support.recorded_walks import LIMITS, replayed
 from wholebody.cli.options import Simulation
 from wholebody.cli.simulated import settings_of
 from wholebody.cli.sources import walks_of
@@ -54,4 +54,5 @@ def test_a_robot_walks_with_a_file_where_its_settings_let_it(tmp_path):
     assert isinstance(open_recording(tmp_path / "walk.csv", fps=60.0, walks=limits), WalkedReplay)
     assert walks_of(settings_of(Simulation())) is None
     assert walk_limits(ControllerConfig(steps="recover")) is None
-    assert walk_limits(CONFIG).fastest == LIMITS.fastest
+    velocity = np.array([[0.4, 0.0, 0.0], [0.0, 0.06, 0.25]])
+    np.testing.assert_allclose(LIMITS.share(velocity), [1.0, np.hypot(0.5, 0.5)])
