@@ -87,7 +87,6 @@ class G1Env(gymnasium.Env):
         if (objects := self._task.objects(self._seen.objects)) is not None:
             self._robot.place(objects)
             self._seen = self._robot.see()
-        self._count["episodes"] += 1
         self._accepted, self._steps, self._held = Accepted(self._numbers, self._seen.observation), 0, 0
         return self._observation(), {"is_success": False}
 
@@ -103,6 +102,7 @@ class G1Env(gymnasium.Env):
         self._robot.advance(1.0 / FPS)
         self._seen = self._robot.see()
         self._steps += 1
+        self._count["episodes"] += int(self._steps == 1)  # lerobot-eval resets twice before it steps
         far = self._task.far(self._seen, self._numbers.palms(self._seen.observation))
         self._held = self._held + 1 if far <= 0.0 else 0
         success, fell = self._held >= self._task.held, self._seen.fallen

@@ -124,7 +124,8 @@ def walked_chunk(motion: Motion, limits: WalkLimits, *, fps: float = CHUNK_FPS) 
     times, anchor = walked.times, Anchor.nominal(robot=motion.robot)
     steps, before = int(np.ceil(times[-1] * fps - 1e-9)), int(np.ceil(BEFORE * fps))
     if steps + before >= STEPS_MAX:
-        raise ChunkError(f"the motion would be walked in {times[-1]:.6g} s; at most {STEPS_MAX / fps:.6g} s are taken")
+        most = f"at most {STEPS_MAX / fps - BEFORE:.6g} s are taken: cut the file"
+        raise ChunkError(f"the motion would be walked in {times[-1]:.6g} s; {most}")
     at, rows = np.arange(steps + 1) / fps, np.maximum(np.arange(-before, steps + 1), 0)
     base = CubicSpline(times, walked.way)(np.minimum(at, times[-1]))
     velocity = np.zeros((len(rows), 3))

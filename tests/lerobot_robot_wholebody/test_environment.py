@@ -3,6 +3,8 @@
 What `lerobot-eval` makes of it, pictures included, is in `test_stock_commands.py`.
 """
 
+import json
+
 import gymnasium
 import numpy as np
 import pytest
@@ -75,12 +77,15 @@ def test_palms_that_stay_at_their_goals_are_a_success_that_ends_the_episode(env)
     assert len(rewards) > env.unwrapped._task.held
 
 
-def test_an_episode_in_which_nothing_is_done_ends_without_success():
-    env = G1Env(steps=5)
+def test_an_episode_in_which_nothing_is_done_ends_without_success_and_is_counted_once(tmp_path):
+    """`lerobot-eval` resets twice before it steps: twenty episodes were reported as forty."""
+    env = G1Env(steps=5, report=str(tmp_path / "report.json"))
+    env.reset(seed=6)
     env.reset(seed=6)
     ends = [env.step(stay(type("", (), {"unwrapped": env})))[2:4] for _ in range(5)]
     env.close()
     assert ends == [(False, False)] * 4 + [(False, True)]
+    assert json.loads((tmp_path / "report.json").read_text()) == {"episodes": 1, "successes": 0, "falls": 0}
 
 
 def test_an_action_that_is_none_is_not_taken_and_the_robot_stands(env):
