@@ -79,7 +79,7 @@ def _tried(
     for sole, time in ((swings, shift), (stance, made.swing)):
         pressure = on(sole, size, dcm + HARD * (dcm - stance.point))
         dcm = pressure + exp(omega * time) * (dcm - pressure)
-    low, high = box(foot, made)
+    low, high = box(foot, made, made.wide)
     # It lands so that the capture point is over it, and a little towards the other sole.
     beside = stance.seen(swings.point).imag
     seen = stance.seen(dcm)

@@ -35,16 +35,16 @@ def base_of(soles: Sequence[Place]) -> Place:
     return soles[LEFT].between(soles[RIGHT])
 
 
-def box(foot: int, gait: Gait) -> tuple[complex, complex]:
-    """Corners of where a foot may be set down in the axes of the other sole [m]."""
+def box(foot: int, gait: Gait, wide: float) -> tuple[complex, complex]:
+    """Corners of where a foot may be set down in the axes of the other sole, at most ``wide`` aside [m]."""
     if foot == LEFT:
-        return complex(-gait.ahead, gait.narrow), complex(gait.ahead, gait.wide)
-    return complex(-gait.ahead, -gait.wide), complex(gait.ahead, -gait.narrow)
+        return complex(-gait.ahead, gait.narrow), complex(gait.ahead, wide)
+    return complex(-gait.ahead, -wide), complex(gait.ahead, -gait.narrow)
 
 
 def within(stance: Place, foot: int, wanted: Place, gait: Gait) -> Place:
     """The place for a foot nearest to the one wanted that legs can do from a stance sole."""
-    low, high = box(foot, gait)
+    low, high = box(foot, gait, gait.apart)
     seen, turn = stance.seen(wanted.point), stance.turn_to(wanted)
     least, most = (-gait.inward, gait.outward) if foot == LEFT else (-gait.outward, gait.inward)
     point = complex(min(max(seen.real, low.real), high.real), min(max(seen.imag, low.imag), high.imag))
@@ -52,7 +52,7 @@ def within(stance: Place, foot: int, wanted: Place, gait: Gait) -> Place:
 
 
 def footsteps(
-    soles: Sequence[Place], first: int, guide: Guide, width: float, gait: Gait, *, start: float, most: int, ends: bool
+    soles: Sequence[Place], first: int, guide: Guide, width: float, gait: Gait, *, start: float, least: int, most: int
 ) -> list[Footstep]:
     """The next steps beside a base.
 
@@ -65,8 +65,8 @@ def footsteps(
         width: Distance of the soles beside it [m].
         gait: Times and lengths.
         start: Time until the first step carries [s].
+        least: How many at least; after them none is made once both feet stand beside a base at rest.
         most: How many at most.
-        ends: Whether none is made after both feet stand beside a base at rest; at least one is.
     """
     there, steps = list(soles), []
     times = [start + 0.5 * gait.double + 0.5 * gait.step + k * gait.step for k in range(most)]
@@ -74,7 +74,7 @@ def footsteps(
         foot = first if k % 2 == 0 else 1 - first
         there[foot] = within(there[1 - foot], foot, beside(base, foot, width), gait)
         steps.append(Footstep(foot, there[foot]))
-        if ends and rests and closed(there, base, width):
+        if k + 1 >= least and rests and closed(there, base, width):
             break
     return steps
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from cmath import exp
 from collections.abc import Sequence
-from math import ceil, copysign, sqrt
+from math import ceil, copysign, hypot, sqrt
 
 from wholebody.walking.places import Place, Velocity, moved
 
 ACCELERATION = (0.3, 0.8)
 """Largest acceleration of the base along its way [m/s^2] and about the vertical [rad/s^2]; chosen: from rest to 0.4 m/s
 in two steps."""
-FASTEST = Velocity(0.35 + 0j, 0.45)
-"""Speeds along its way and about the vertical on the way to a goal [m/s, rad/s]; chosen: a step of 0.25 m."""
+FASTEST = (0.35, 0.2, 0.45)
+"""Speeds along its axes and about the vertical on the way to a goal [m/s, m/s, rad/s]; chosen: a step of 0.25 m, and
+aside what a person may tell a walk."""
 BRAKE = 0.7
 """Share of the acceleration with which the base comes to rest at a goal [no unit]; chosen: the rest follows."""
 THERE = (5e-4, 1e-3)
@@ -62,6 +63,15 @@ class Guide:
         still = self.velocity.is_rest
         return still and (self.wanted.is_rest if self.goal is None else self._missing() == (0j, 0.0))
 
+    @property
+    def told(self) -> tuple[Velocity | None, Place | None]:
+        """What it is told now: a velocity, or a goal."""
+        return self.wanted, self.goal
+
+    def aim(self) -> Velocity:
+        """Velocity that it takes up: what is told, or what leads it to its goal."""
+        return self.wanted or self._towards()
+
     def motion(self) -> tuple[complex, complex]:
         """Velocity [m/s] and acceleration [m/s^2] of its point in world."""
         axes, way, turn = exp(1j * self.place.heading), self.velocity.way, self.velocity.turn
@@ -82,7 +92,7 @@ class Guide:
         """Move on by a period [s]; by none, nothing changes."""
         if dt <= 0.0:
             return
-        wanted = self.wanted or self._towards()
+        wanted = self.aim()
         before = self.velocity
         way, turn = wanted.way - before.way, wanted.turn - before.turn
         most, most_turn = ACCELERATION[0] * dt, ACCELERATION[1] * dt
@@ -117,7 +127,8 @@ class Guide:
     def _towards(self) -> Velocity:
         """Velocity with which it would come to rest at its goal."""
         way, turn = self._missing()
-        size, most = abs(way), FASTEST
-        speed = min(sqrt(2.0 * BRAKE * ACCELERATION[0] * size), abs(most.way), 8.0 * size)
-        rate = min(sqrt(2.0 * BRAKE * ACCELERATION[1] * abs(turn)), most.turn, 8.0 * abs(turn))
+        size, (ahead, aside, most) = abs(way), FASTEST
+        fastest = size / hypot(way.real / ahead, way.imag / aside) if size > 0.0 else 0.0
+        speed = min(sqrt(2.0 * BRAKE * ACCELERATION[0] * size), fastest, 8.0 * size)
+        rate = min(sqrt(2.0 * BRAKE * ACCELERATION[1] * abs(turn)), most, 8.0 * abs(turn))
         return Velocity(way * (speed / size) if size > 0.0 else 0j, copysign(rate, turn))

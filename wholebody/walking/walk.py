@@ -7,16 +7,14 @@ from math import exp
 from wholebody.walking.adjustment import Room, Step, adjust
 from wholebody.walking.catch import Catch
 from wholebody.walking.dcm import Piece, bounded, start_for
-from wholebody.walking.footsteps import LEFT, RIGHT, Footstep, base_of, box, closed, footsteps
+from wholebody.walking.footsteps import LEFT, RIGHT, Footstep, base_of, box, closed
 from wholebody.walking.gait import TABLE, Gait, Phase
-from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place
+from wholebody.walking.planned_steps import PlannedSteps
 from wholebody.walking.pressure import Sole, between, on
 from wholebody.walking.readings import WalkReadings, rise
 from wholebody.walking.swing import EARLY, FROZEN, Swing
 
-COUNT = 4
-"""Steps that are planned [no unit]; derived: what comes later changes the capture point now by less than 0.1 mm."""
 PULL = 4.0
 """Rate with which the zero-moment point brings the capture point back to its plan [1/s]; chosen, no trial is on
 record."""
@@ -32,15 +30,13 @@ LEAST = 0.01
 """Least share of the load of a foot that stands [no unit]; chosen: 5 N a point."""
 TOUCHED = 0.6
 """Share of a swing from which a foot that touches has landed [no unit]; measured: earlier touches are scuffs."""
+STAYS = (0.004, 0.001, 0.01)
+"""Distance of a foot above its way down [m], its change [m] and the time [s] from which it stands on what it met;
+measured: a foot that is up is within 1 mm of its way."""
 FOOT_ACCELERATION, PEAK = 30.0, 5.77
 """Largest acceleration of a foot that is up, over the floor [m/s^2], above which its landing is not moved, and by which
 a quintic from rest to rest exceeds way over time squared; measured: pushed back by 17 N s it stands so, and falls
 without; definition."""
-SPARE = 0.02
-"""Distance of the soles beyond the least one that steps aside leave on their narrow side [m]; chosen: room to move."""
-CAUGHT = 0.8
-"""Share of the way from the stance sole to the one that catches the robot at which its capture point is to be when that
-lands [no unit]; chosen: between the soles of a long step there is little room beside the line from one to the other."""
 WAITS, BETWEEN = 0.4, 0.015
 """Time for which both feet carry at most after a landing while the capture point, between them up to so much beside, is
 brought to its plan [s, m]; measured: pushed back by 10 N s on the spot, the robot fell from a foot lifted before."""
@@ -52,37 +48,24 @@ PATIENCE, CALM_ENOUGH = 3.0, 0.04
 of the feet [m]; chosen: what is pushed on keeps beside it for ever, and 4 cm are well inside of two soles."""
 
 
-class Walk:
-    """The gait of a robot whose feet begin where they are.
+class Walk(PlannedSteps):
+    """The gait of a robot: steps as planned, and their places and times as its capture point asks for.
 
     Attributes:
-        state: Of the table.
-        guide: The base that it follows.
-        soles: Where both stand, or are to be set down, left first.
-        stance: The foot that carries, or is to.
         load: Share of its bounds that each foot carries, left first.
         swing: The foot that is up, or None.
         pressure: Where the zero-moment point is to be now, ``x + iy`` [m].
-        plan, dcm: Where it and the capture point are by the plan [m].
-        caught: Whether the step that is being made, or was made last, is to catch the robot.
         apart: Whether the feet stay where a step that caught the robot has left them.
-        marches: Whether it steps on although its base rests.
         made: Number of steps made.
         adjusted: How far the last step is moved from its plan [m].
         slope: By how much the floor of the step rises along world's axes, ``x + iy`` [m/m].
     """
 
     def __init__(self, seen: WalkReadings, sole: Sole, gait: Gait | None = None) -> None:
-        self.gait, self._sole = gait or Gait(), sole
-        self.state, self.soles, self.stance = Phase.STAND, list(seen.soles), LEFT
-        self.width = abs(seen.soles[LEFT].point - seen.soles[RIGHT].point)
-        self.guide = Guide(base_of(seen.soles))
-        self.load, self.swing, self.marches, self.made, self.adjusted = (1.0, 1.0), None, False, 0, 0.0
-        self.plan = self.pressure = self.dcm = self.guide.place.point
-        self._left = self._elapsed = self._nominal_left = 0.0
-        self.caught, self.apart, self._usual = False, False, self.gait
-        self._steps: list[Footstep] = []
-        self._floor, self.slope = 0.0, 0j
+        super().__init__(seen.soles, gait or Gait())
+        self._sole, self.load, self.swing, self.made, self.adjusted = sole, (1.0, 1.0), None, 0, 0.0
+        self.pressure = self.plan
+        self._elapsed, self._floor, self.slope, self.apart = 0.0, 0.0, 0j, False
 
     @property
     def wanted(self) -> bool:
@@ -102,6 +85,7 @@ class Walk:
         going = self.state in (Phase.SWING, Phase.LAND, Phase.RECOVER)
         if going or (self.state is Phase.SETTLE and self._comes_to_rest()):
             self.guide.advance(dt)
+        self._plan_anew(seen)
         if self._over(seen):
             if self.state is Phase.RECOVER:
                 self.gait, self.caught = self._usual, False
@@ -135,7 +119,7 @@ class Walk:
         """Whether the state ends now."""
         if self.state is Phase.STAND:
             return self.wanted
-        if self.state is Phase.SWING and seen.touching is not None and seen.touching[1 - self.stance]:
+        if self.state is Phase.SWING and self._touches(seen):
             share = self._elapsed / (self._elapsed + max(self._left, 0.0))
             return share >= TOUCHED or self._left <= 0.0
         if self._left > 0.0:
@@ -146,6 +130,16 @@ class Walk:
             return there and abs(seen.dcm - self._middle()) < calm
         late = self.caught or self._elapsed >= (WAITS if self.state is Phase.LAND else 2.0 * self.gait.shift)
         return late or self._may_leave(seen)
+
+    def _touches(self, seen: WalkReadings) -> bool:
+        """Whether the foot that is up is told to touch, or stays above where it is to be."""
+        foot = 1 - self.stance
+        if seen.touching is not None:
+            return seen.touching[foot]
+        height = seen.heights[foot]
+        if height - self.swing.height.x < STAYS[0] or abs(height - self._stays[0]) > STAYS[1]:
+            self._stays = height, self._elapsed
+        return self._elapsed - self._stays[1] > STAYS[2]
 
     def _may_leave(self, seen: WalkReadings) -> bool:
         """Whether a foot may be lifted: not while the pressure of both is to bring the capture point to its plan."""
@@ -164,6 +158,8 @@ class Walk:
     def _enter(self, state: Phase, seen: WalkReadings) -> None:
         """Go over into a state."""
         before = self.state
+        if state in (Phase.SHIFT, Phase.LAND) and not self.caught:
+            self.gait = self._quick()
         gait = self.gait
         self.state, self._elapsed, self._left = state, 0.0, getattr(gait, TABLE[state].lasts or "settle")
         if before is Phase.SWING:
@@ -172,7 +168,7 @@ class Walk:
             self.soles = list(seen.soles)
             first = self._first if self.caught else self._first_foot()
             self.stance = 1 - first
-            self._plan_steps(first, gait.swing)  # the base rests while the weight is shifted
+            self._plan_steps(first, gait.swing, seen)  # the base rests while the weight is shifted
             if self.caught:
                 self._steps = [Footstep(first, self.soles[first])]
             rest = self._pieces()[1:]
@@ -180,12 +176,13 @@ class Walk:
             self.plan = start_for(seen.dcm, piece, bounded(rest, seen.omega), seen.omega)
         elif state is Phase.LAND:
             self.stance = 1 - self.stance
-            self._plan_steps(1 - self.stance, self._left + gait.swing)
+            self._plan_steps(1 - self.stance, self._left + gait.swing, seen)
         elif state is Phase.SWING:
             # The steps are those of the shift of weight before: the capture point has been led there.
             foot = 1 - self.stance
             self._nominal_left, self._nominal = self._left, self._steps[0].sole
             self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot])
+            self._stays = seen.heights[foot], 0.0
             self._floor, self.slope = seen.heights[self.stance], seen.slope
         elif state is Phase.RECOVER:
             self.guide.go_to(base_of(self.soles))
@@ -196,7 +193,7 @@ class Walk:
 
     def _first_foot(self) -> int:
         """The foot to begin with: the one on the side to which the base goes."""
-        velocity = self.guide.wanted or self.guide._towards()
+        velocity = self.guide.aim()
         side = velocity.way.imag + 0.1 * velocity.turn
         return LEFT if side > 0.0 else RIGHT
 
@@ -207,34 +204,6 @@ class Walk:
         self.made += 1
         if not self.caught:
             self.guide.come_after(seen.soles[foot].point - self._nominal.point)
-
-    def _plan_steps(self, first: int, start: float) -> None:
-        gait, guide = self.gait, self.guide
-        aside = max(abs((guide.wanted or guide.velocity).way.imag), abs(guide.velocity.way.imag))
-        width = max(self.width, gait.narrow + SPARE + aside * gait.step)
-        self._steps = footsteps(self.soles, first, guide, width, gait, start=start, most=COUNT, ends=not self.marches)
-
-    def _middle(self) -> complex:
-        return 0.5 * (self.soles[LEFT].point + self.soles[RIGHT].point)
-
-    def _pieces(self) -> list[Piece]:
-        """What the zero-moment point does from now on."""
-        gait, left = self.gait, max(self._left, 0.0)
-        if self.state not in (Phase.SHIFT, Phase.SWING, Phase.LAND):
-            return [Piece(left, self.plan, self._middle())]
-        carry = self.soles[self.stance].point
-        pieces = [Piece(left, self.plan, carry)]
-        if self.state is not Phase.SWING:
-            pieces.append(Piece(gait.swing, carry, carry))
-        for step in self._steps[:-1]:
-            new = step.sole.point
-            pieces += [Piece(gait.double, carry, new), Piece(gait.swing, new, new)]
-            carry = new
-        if self.caught:
-            last = carry + CAUGHT * (self._steps[-1].sole.point - carry)
-            return [*pieces, Piece(gait.settle, last, last)]
-        end = 0.5 * (carry + self._steps[-1].sole.point)
-        return [*pieces, Piece(gait.settle, carry, end)]
 
     def _adjust(self, seen: WalkReadings) -> None:
         """Move the landing to where and when the capture point asks for it."""
@@ -257,7 +226,7 @@ class Walk:
             - turned
             + complex(_beyond(error.real, take * self._sole.length), _beyond(error.imag, take * self._sole.width))
         )
-        low, high = self._within_reach(*box(foot, gait), kept)
+        low, high = self._within_reach(*box(foot, gait, gait.wide), kept)
         soonest = max(gait.sooner * gait.swing - self._elapsed, way / gait.foot_speed, FROZEN)
         latest = max(gait.later * gait.swing - self._elapsed, soonest)
         step = Step(place, self._left, (landing - share * place) / gone)

@@ -44,7 +44,7 @@ def test_a_push_ahead_or_back_is_caught(way):
 def test_a_landing_is_moved_no_further_than_the_foot_comes():
     walk = Walk(WalkReadings(0j, OMEGA, STAND, (0.0, 0.0)), SOLE)
     walk.stance, walk.swing = 1, Swing.from_rest(STAND[LEFT], 0.0)
-    low, high = box(LEFT, GAIT)
+    low, high = box(LEFT, GAIT, GAIT.wide)
     assert walk._within_reach(low, high, 2.0) == (low, high)
     here = STAND[1].seen(STAND[LEFT].point)
     assert walk._within_reach(low, high, EARLY) == (here, here)

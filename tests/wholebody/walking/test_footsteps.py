@@ -4,6 +4,8 @@ The base is midway between the soles when both carry; every step is in the box o
 base that comes to its goal has both feet beside it after the last step. What is foreseen of a base is where it goes.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,8 +29,8 @@ def guided(velocity, time=1.0):
 
 @pytest.mark.parametrize("velocity", [Velocity(0.3 + 0j), Velocity(0.1j), Velocity(0.2 - 0.05j, 0.3), Velocity(-0.2)])
 def test_the_base_is_midway_between_the_soles_when_both_carry(velocity):
-    guide, gait = guided(velocity), GAIT
-    steps = footsteps(SOLES, RIGHT, guide, WIDTH, gait, start=0.4, most=6, ends=False)
+    guide, gait = guided(velocity), replace(GAIT, apart=GAIT.wide)
+    steps = footsteps(SOLES, RIGHT, guide, WIDTH, gait, start=0.4, least=6, most=6)
     assert [step.foot for step in steps] == [RIGHT, LEFT, RIGHT, LEFT, RIGHT, LEFT]
     for k in range(3, 6):
         both = [steps[k - 1].sole, steps[k].sole]
@@ -45,10 +47,10 @@ def test_every_step_is_within_what_legs_can_do():
     for _ in range(50):
         velocity = Velocity(complex(*rng.normal(0.0, 0.6, 2)), rng.normal())
         first = int(rng.integers(2))
-        steps = footsteps(SOLES, first, guided(velocity), WIDTH, GAIT, start=0.4, most=5, ends=False)
+        steps = footsteps(SOLES, first, guided(velocity), WIDTH, GAIT, start=0.4, least=5, most=5)
         there = list(SOLES)
         for step in steps:
-            low, high = box(step.foot, GAIT)
+            low, high = box(step.foot, GAIT, GAIT.apart)
             seen = there[1 - step.foot].seen(step.sole.point)
             assert low.real - 1e-9 <= seen.real <= high.real + 1e-9
             assert low.imag - 1e-9 <= seen.imag <= high.imag + 1e-9
@@ -58,7 +60,7 @@ def test_every_step_is_within_what_legs_can_do():
 def test_the_last_steps_close_the_feet_beside_the_base():
     guide = guided(Velocity(0.3 + 0j, 0.2))
     guide.follow(Velocity())
-    steps = footsteps(SOLES, LEFT, guide, WIDTH, GAIT, start=0.4, most=8, ends=True)
+    steps = footsteps(SOLES, LEFT, guide, WIDTH, GAIT, start=0.4, least=1, most=8)
     assert len(steps) < 8
     (base, rests), *_ = guide.foresee([5.0])
     assert rests
@@ -70,7 +72,7 @@ def test_the_last_steps_close_the_feet_beside_the_base():
 
 
 def test_a_base_at_rest_on_its_feet_still_makes_one_step():
-    steps = footsteps(SOLES, LEFT, Guide(START), WIDTH, GAIT, start=0.4, most=4, ends=True)
+    steps = footsteps(SOLES, LEFT, Guide(START), WIDTH, GAIT, start=0.4, least=1, most=4)
     assert len(steps) == 1
     assert abs(steps[0].sole.point - SOLES[LEFT].point) < 1e-9
 

@@ -109,6 +109,41 @@ def test_it_stops_from_any_command_at_any_phase(draws):
     assert max(steps) <= 5
 
 
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.15, -0.2])
+def test_soles_come_no_further_apart_on_the_way_aside_than_is_planned(speed):
+    """Left further aside, a foot's ankle comes to its end while the weight goes off it, and tilts the trunk."""
+    one, apart = Pendulum(), []
+    for velocity in (Velocity(1j * speed), Velocity()):
+        one.walk.guide.follow(velocity)
+        for _ in range(60):
+            one.run(0.1)
+            if TABLE[one.walk.state].both:
+                apart.append(abs(one.soles[LEFT].seen(one.soles[RIGHT].point).imag))
+    assert max(apart) <= one.walk.gait.apart + 1e-3
+    assert one.stands
+
+
+@pytest.mark.parametrize("draws", [2, *wide(20)])
+def test_what_is_told_anew_at_any_moment_is_walked(draws):
+    rng = np.random.default_rng(7)
+    for _ in range(draws):
+        one, off, told, wanted = Pendulum(), [], np.zeros(3), np.zeros(3)
+        for k in range(1000):
+            if k % 40 == 0:
+                wanted = rng.normal(size=3)
+                wanted *= rng.uniform() / np.linalg.norm(wanted)
+            told += 0.1 * (wanted - told)
+            one.walk.guide.follow(Velocity(complex(0.4 * told[0], 0.2 * told[1]), 0.5 * told[2]))
+            one.run(0.02)
+            off.append(abs(one.dcm - one.walk.dcm))
+            if TABLE[one.walk.state].both:
+                assert abs(one.soles[LEFT].point - one.soles[RIGHT].point) < 0.45
+        assert max(off) < 0.05
+        one.walk.guide.follow(Velocity())
+        one.run(8.0)
+        assert one.stands
+
+
 @pytest.mark.parametrize("draws", [3, *wide(10)])
 def test_it_goes_to_a_place_and_closes_its_feet_there(draws):
     rng = np.random.default_rng(6)

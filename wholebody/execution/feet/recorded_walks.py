@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from models.pinocchio_model import stance_q
 from policy.recorded.walked_motion import WalkLimits
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.execution.feet.hands_of_walks import HandsOfWalks
 from wholebody.execution.feet.led_walk import calm
-from wholebody.execution.feet.wanted import FASTEST, shares_of_fastest
+from wholebody.execution.feet.wanted import shares_of_fastest
 from wholebody.reference import HandLimits
 from wholebody.robot.state import Robot
 from wholebody.walking.gait import Gait
@@ -20,10 +18,6 @@ SHARE = 0.9
 """Share of the speeds of led hands that a recorded motion is played with [no unit]; chosen: the rest is what drawing
 in between its rows adds."""
 
-ASIDE = 0.12
-"""Speed to the side with which a way is walked at most [m/s]; measured: at 0.15, made up of way and of coming back to
-it, a walk lost its body after 0.3 m."""
-
 
 def walk_limits(config: ControllerConfig) -> WalkLimits | None:
     """Limits of a configured robot, for `policy.recorded.replay.open_recording`; None of one that does not walk."""
@@ -31,9 +25,8 @@ def walk_limits(config: ControllerConfig) -> WalkLimits | None:
         return None
     robot = Robot(describe(config.robot))
     (hand,) = calm((HandLimits(),))
-    back, ahead, aside, turn = FASTEST
     return WalkLimits(
-        share=partial(shares_of_fastest, fastest=(back, ahead, min(aside, ASIDE), turn)),
+        share=shares_of_fastest,
         acceleration=ACCELERATION,
         hands=(SHARE * hand.position.speed, SHARE * hand.orientation.speed),
         shift=Gait().shift,

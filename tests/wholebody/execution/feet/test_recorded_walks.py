@@ -57,4 +57,4 @@ def test_a_robot_walks_with_a_file_where_its_settings_let_it(tmp_path):
     assert walks_of(settings_of(Simulation())) is None
     assert walk_limits(ControllerConfig(steps="recover")) is None
     velocity = np.array([[0.4, 0.0, 0.0], [0.0, 0.06, 0.25]])
-    np.testing.assert_allclose(LIMITS.share(velocity), [1.0, np.hypot(0.5, 0.5)])
+    np.testing.assert_allclose(LIMITS.share(velocity), [1.0, np.hypot(0.3, 0.5)])
