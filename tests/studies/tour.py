@@ -13,6 +13,7 @@ m. A case is a line of JSON, and the file goes on where it ended.
 import argparse
 import sys
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,19 @@ from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between
+from policy.geometry.se3 import interpolate
 from policy.kinematics.forward import kinematics
 from tests.support.resumable import finished
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
+from wholebody.episode.observation import observation_of
 from wholebody.execution.feet.recorded_walks import walk_limits
 from wholebody.execution.feet.wanted import FASTEST
 from wholebody.execution.supervisor import Supervisor
+from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
+from wholebody.types import RobotState
 
 STAGES = "own", "arms", "punches"
 CONFIG = ControllerConfig(steps="reach")
@@ -40,7 +46,7 @@ one is planned, and the rate of the tour."""
 class WanderingArms:
     """Chunks of arms that wander as the tour has them, about a base that goes as it is told.
 
-    Hands that no walk can have are drawn in to the nearest that one can.
+    Hands that no walk can have are drawn in to the nearest that one can, and follow no faster than one does.
 
     Args:
         walk: Times [s] and angles [rad] of each joint.
@@ -53,23 +59,35 @@ class WanderingArms:
         for name, rows in walk.items():
             q[:, robot.body_joints.index(name)] = np.array(rows)[:, 1]
         poses = kinematics(robot).poses(q)
-        hands = np.stack([poses["lhand"], poses["rhand"]])
-        hands[..., :3, 3] = walk_limits(CONFIG).nearest(hands[..., :3, 3])
+        hands, limits = np.stack([poses["lhand"], poses["rhand"]]), walk_limits(CONFIG)
+        hands[..., :3, 3] = limits.nearest(hands[..., :3, 3])
+        hands = np.stack([no_faster(one, *limits.hands) for one in hands])
         self._hands, self._anchor, self._robot, self._seq = anchor.T_world_base @ hands, anchor, robot, -1
+        self._model = Robot(robot)
 
-    def chunk(self, elapsed: float, now: float, base: tuple[float, float, float], velocity: np.ndarray) -> ActionChunk:
-        """What is due a time after the tour began [s], now [s], for a base that stands somewhere and goes on so."""
+    def chunk(self, elapsed: float, state: RobotState, velocity: np.ndarray) -> ActionChunk:
+        """What is due a time after the tour began [s], about soles as seen, for a base that goes on so."""
         self._seq += 1
         first = min(round(elapsed * FPS), self._hands.shape[1] - CHUNK)
-        x, y, heading = base
-        T = np.eye(4)
-        T[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
-        T[:2, 3] = x, y
+        now, T = (
+            state.time,
+            Anchor.measured(observation_of(self._robot, self._model, state), self._robot).T_world_stance,
+        )
         left, right = T @ self._hands[:, first : first + CHUNK]
         q_l, q_r = (np.tile(q, (CHUNK, 1)) for q in (self._anchor.q_lhand, self._anchor.q_rhand))
         way = {"base_velocity": np.tile(velocity, (CHUNK, 1)), "hands_in": "stance"}
         layout = builtin("wbc32", self._robot).id
         return ActionChunk(layout, self._seq, now, FPS, left, right, q_l, q_r, **way)
+
+
+def no_faster(poses: np.ndarray, speed: float, turn: float) -> np.ndarray:
+    """Poses (n, 4, 4) at `FPS` as what comes after them has them, at most so fast [m/s, rad/s]."""
+    followed = poses.copy()
+    for before, now in pairwise(followed):
+        way, angle = now[:3, 3] - before[:3, 3], angle_between(before[:3, :3], now[:3, :3])
+        share = min(speed / FPS / max(np.linalg.norm(way), 1e-9), turn / FPS / max(float(angle), 1e-9), 1.0)
+        now[:] = interpolate(np.stack([before, now]), np.array([0.0, 1.0]), np.array([share]))[0]
+    return followed
 
 
 def punch(plant: MujocoPlant, pushes: list, elapsed: float) -> None:
@@ -108,7 +126,7 @@ def toured(stage: str, seed: int) -> dict[str, float]:
                 supervisor.walk(velocity)
             elif elapsed - told >= EVERY:
                 told = elapsed
-                supervisor.accept(arms.chunk(elapsed, state.time, supervisor.base, velocity))
+                supervisor.accept(arms.chunk(elapsed, state, velocity))
         punch(plant, pushes, elapsed)
         state = plant.step(supervisor.step(state))
         if plant.data.qpos[2] < theirs.BENCH_FALL_PELVIS_Z:

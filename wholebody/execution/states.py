@@ -104,7 +104,9 @@ TABLE = (
         (State.HOLDING, State.FOLLOWING), Event.WALK_LOW, State.RISING, "goes to its stance first, hands let go of"
     ),
     Transition((State.HOLDING, State.FOLLOWING, State.RISING), Event.WALK, State.WALKING, "steps, hands carried along"),
-    Transition((*_ON_A_WAY, State.FOLLOWING), Event.PUSHED, State.RECOVERING, "steps at once, hands let go of"),
+    Transition(
+        (*_ON_A_WAY, State.FOLLOWING, State.WALKING), Event.PUSHED, State.RECOVERING, "steps at once, hands let go of"
+    ),
     Transition(
         (State.WALKING, State.RECOVERING),
         Event.SETTLED,

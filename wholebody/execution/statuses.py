@@ -49,7 +49,7 @@ RAISING = StatusReport(Status.HOLD, Reason.RAISING, "the robot stands up")
 RISING = StatusReport(Status.HOLD, Reason.WALKING, "the robot goes to its stance, from where it walks")
 WALKING = StatusReport(Status.HOLD, Reason.WALKING, "the robot walks; chunks are planned once it stands")
 RECOVERING = StatusReport(
-    Status.STOP, Reason.RECOVERING, "the robot was pushed: it takes a step, hands let go of until it has come to rest"
+    Status.STOP, Reason.RECOVERING, "the robot would fall: it takes a step, hands let go of until it has come to rest"
 )
 HANDS_YIELD = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "hands would keep the body from its steps: they give way")
 NOT_JOINED = StatusReport(

@@ -20,6 +20,7 @@ from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason, Status
+from wholebody.walking.gait import Phase
 
 SPEC = g1()
 LEAD = PlanningConfig().lead
@@ -106,7 +107,10 @@ class Loop:
         assert self.supervisor.walk_to(GOAL).reason is Reason.WALKING
 
     def push(self):
-        """A robot whose capture point is 2 cm ahead of its soles: it was pushed."""
+        """A robot whose capture point is 2 cm ahead of its soles: it was pushed; one that walks is as it settles."""
+        if self.supervisor.state is State.WALKING:
+            walk = self.supervisor._stepping._walker.walk
+            self.step(lambda: walk.state is Phase.SETTLE, longest=8.0)
         state = self.plant.state()
         v = state.v.copy()
         v[0] += 0.42
@@ -217,7 +221,7 @@ def walk(loop):
 
 def pushed(loop):
     loop.push()
-    loop.step(loop.is_in(State.RECOVERING))
+    loop.step(loop.is_in(State.RECOVERING), longest=8.0)
     assert loop.supervisor.status.reason is Reason.RECOVERING
     assert loop.supervisor.plan is None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, inf
+from math import inf
 
 import numpy as np
 
@@ -35,21 +35,23 @@ class Loss:
         """Begin anew: a step is taken, or no foot stands for long."""
         self._since = inf
 
-    def look(self, followed: np.ndarray | None, now: float) -> bool:
+    def planned(self, followed: np.ndarray) -> complex:
+        """Capture point of a packed reference, ``x + iy`` [m]."""
+        return complex(*(followed[COM : COM + 2] + followed[COM + 3 : COM + 5] / self._omega()))
+
+    def look(self, planned: complex | None, now: float) -> bool:
         """Whether it is where no pressure on the soles brings it back, or has stayed near there for long.
 
         Args:
-            followed: Packed reference; None for a robot that has just been caught by a step.
+            planned: Where it is to be, ``x + iy`` [m]; None for a robot that has just been caught by a step.
             now: Present time [s].
         """
         robot = self._controller.robot
-        omega = natural_frequency(float(robot.com[2]))
-        point = robot.com[:2] + robot.com_velocity[:2] / omega
+        point = robot.com[:2] + robot.com_velocity[:2] / self._omega()
         margin = self._controller.support.margin(point)
-        if followed is None:
-            near, long = margin < NEARLY, AGAIN
-        else:
-            planned = followed[COM : COM + 2] + followed[COM + 3 : COM + 5] / omega
-            near, long = margin < NEARLY and hypot(*(point - planned)) > BESIDE, LONG
+        near = margin < NEARLY and (planned is None or abs(complex(*point) - planned) > BESIDE)
         self._since = min(self._since, now) if near else inf
-        return margin < -LOST or now - self._since > long
+        return margin < -LOST or now - self._since > (AGAIN if planned is None else LONG)
+
+    def _omega(self) -> float:
+        return natural_frequency(float(self._controller.robot.com[2]))

@@ -221,11 +221,15 @@ class Stepping(LedWalk):
         """Whether both feet stand, and a step is to catch the robot."""
         if self._walker is None:
             return False
-        state, caught = self._states.now, self._states.now is State.RECOVERING
-        if state not in CAUGHT_FROM and not (caught and self._walker.walk.state in (Phase.RECOVER, Phase.SETTLE)):
+        if self.active:
+            walk = self._walker.walk
+            looks, planned = walk.state in (Phase.RECOVER, Phase.SETTLE), None if walk.caught else walk.dcm
+        else:
+            looks, planned = self._states.now in CAUGHT_FROM, self._loss.planned(self._follower.row)
+        if not looks:
             self._loss.forget()
             return False
-        return self._loss.look(None if caught else self._follower.row, now)
+        return self._loss.look(planned, now)
 
     def _catch(self, state: RobotState) -> None:
         """Take a step that catches the robot, if there is one; hands give way until it has come to rest."""
@@ -240,6 +244,7 @@ class Stepping(LedWalk):
             self._follower.ride()
         self._walker.catch(state, step)
         self._loss.forget()
+        self.led = None
         self._wanted, self._until, self._trust = Velocity(), -inf, 0.0
         self.status = statuses.RECOVERING
 

@@ -216,6 +216,21 @@ def test_a_robot_that_is_there_already_does_not_step(supervisor, plant):
     assert supervisor.state is State.HOLDING
 
 
+def test_one_that_is_pushed_as_it_settles_takes_a_step(supervisor, plant):
+    """It fell from 8 N s on, since a walk whose last step is made waits for the capture point to come to rest."""
+    state, pushed, steps = plant.state(), None, False
+    while state.time < (8.0 if pushed is None else pushed + 4.0):
+        if state.time < 1.5:
+            supervisor.walk((0.2, 0.0, 0.0))
+        if pushed is None and state.time > 1.5 and supervisor._stepping._walker.walk.state is Phase.SETTLE:
+            pushed = state.time
+            plant.push("torso_link", np.array([-120.0, 0.0, 0.0]), start=pushed, duration=0.1)
+        state = plant.step(supervisor.step(state))
+        steps |= supervisor.status.reason is Reason.RECOVERING
+    assert steps
+    assert supervisor.state in (State.HOLDING, State.FOLLOWING)
+
+
 def test_one_that_crouches_or_never_steps_is_not_led(supervisor, plant):
     supervisor.lower()
     assert "is lowering" in supervisor.walk_to((0.3, 0.0, 0.0)).detail
