@@ -20,8 +20,9 @@ class WalkReadings:
         dcm: Capture point in world [m].
         omega: Of its pendulum [1/s].
         soles: Both soles as measured, left first; heights: of their middles [m].
-        touching: Whether each carries weight; None if that is not known.
+        touching: Whether the floor presses on each; None if that is not known.
         slope: By how much the floor rises along world's axes, ``x + iy`` [m/m].
+        tilts: By how much each sole does, likewise.
     """
 
     dcm: complex
@@ -30,6 +31,7 @@ class WalkReadings:
     heights: tuple[float, float]
     touching: tuple[bool, bool] | None = None
     slope: complex = 0j
+    tilts: tuple[complex, complex] = (0j, 0j)
 
 
 def rise(slope: complex, way: complex) -> float:

@@ -29,10 +29,15 @@ TAKING = 0.05
 LEAST = 0.01
 """Least share of the load of a foot that stands [no unit]; chosen: 5 N a point."""
 TOUCHED = 0.6
-"""Share of a swing from which a foot that touches has landed [no unit]; measured: earlier touches are scuffs."""
-STAYS = (0.004, 0.001, 0.01)
-"""Distance of a foot above its way down [m], its change [m] and the time [s] from which it stands on what it met;
-measured: a foot that is up is within 1 mm of its way."""
+"""Share of a swing from which a foot that touches stays where it is [no unit]; measured: earlier touches are scuffs."""
+LATE = 0.08
+"""Time for which a foot that met nothing when it was to land goes on down at most [s]; chosen: 2 cm at the speed that
+it has then."""
+UNEVEN = 0.008
+"""Height by which the floor under the foot that is lifted has to be lower than that under the other one for the landing
+to be counted on down there [m]; chosen: a foot that meets the floor early waits, one that meets it late falls."""
+SHORTEST = 0.05
+"""Time in which the weight goes over to a foot that landed late, at least [s]; chosen: `TAKING`."""
 FOOT_ACCELERATION, PEAK = 30.0, 5.77
 """Largest acceleration of a foot that is up, over the floor [m/s^2], above which its landing is not moved, and by which
 a quintic from rest to rest exceeds way over time squared; measured: pushed back by 17 N s it stands so, and falls
@@ -98,11 +103,17 @@ class Walk(PlannedSteps):
         self._follow_plan(seen, dt)
         self._share_load(self._may_leave(seen))
         if self.swing is not None:
-            goal, total = self._steps[0].sole, self._elapsed + max(self._left, dt)
-            floor = self._floor + rise(self.slope, goal.point - self.soles[self.stance].point)
-            self.swing = self.swing.advance(
-                goal, floor, self.gait.lift, min(self._elapsed / total, 1.0), self._left, dt
-            )
+            self._swing_on(seen, dt)
+
+    def _swing_on(self, seen: WalkReadings, dt: float) -> None:
+        """The foot that is up goes on; one that meets something on its way down stays there until it does no more."""
+        foot, goal = 1 - self.stance, self._steps[0].sole
+        done = min(self._elapsed / (self._elapsed + max(self._left, dt)), 1.0)
+        if done >= TOUCHED and seen.touching is not None and seen.touching[foot]:
+            self.swing = Swing.from_rest(seen.soles[foot], seen.heights[foot], self.swing.lean.x)
+            return
+        floor = self._floor + rise(self.slope, goal.point - self.soles[self.stance].point)
+        self.swing = self.swing.advance(goal, floor, self.gait.lift, done, self._left, dt, self.slope)
 
     def _comes_to_rest(self) -> bool:
         """Whether the base stops while the robot settles, as its last step counted on."""
@@ -119,27 +130,16 @@ class Walk(PlannedSteps):
         """Whether the state ends now."""
         if self.state is Phase.STAND:
             return self.wanted
-        if self.state is Phase.SWING and self._touches(seen):
-            share = self._elapsed / (self._elapsed + max(self._left, 0.0))
-            return share >= TOUCHED or self._left <= 0.0
         if self._left > 0.0:
             return False
+        if self.state is Phase.SWING and seen.touching is not None:
+            return seen.touching[1 - self.stance] or self._left <= -LATE
         if TABLE[self.state].rests:
             there = self.guide.rests or self.state is not Phase.RECOVER
             calm = CALM if self._elapsed < PATIENCE else CALM_ENOUGH
             return there and abs(seen.dcm - self._middle()) < calm
         late = self.caught or self._elapsed >= (WAITS if self.state is Phase.LAND else 2.0 * self.gait.shift)
         return late or self._may_leave(seen)
-
-    def _touches(self, seen: WalkReadings) -> bool:
-        """Whether the foot that is up is told to touch, or stays above where it is to be."""
-        foot = 1 - self.stance
-        if seen.touching is not None:
-            return seen.touching[foot]
-        height = seen.heights[foot]
-        if height - self.swing.height.x < STAYS[0] or abs(height - self._stays[0]) > STAYS[1]:
-            self._stays = height, self._elapsed
-        return self._elapsed - self._stays[1] > STAYS[2]
 
     def _may_leave(self, seen: WalkReadings) -> bool:
         """Whether a foot may be lifted: not while the pressure of both is to bring the capture point to its plan."""
@@ -160,8 +160,9 @@ class Walk(PlannedSteps):
         before = self.state
         if state in (Phase.SHIFT, Phase.LAND) and not self.caught:
             self.gait = self._quick()
-        gait = self.gait
+        gait, late = self.gait, max(-self._left, 0.0) if before is Phase.SWING else 0.0
         self.state, self._elapsed, self._left = state, 0.0, getattr(gait, TABLE[state].lasts or "settle")
+        self._left = max(self._left - late, min(self._left, SHORTEST))
         if before is Phase.SWING:
             self._set_down(seen)
         if state is Phase.SHIFT:
@@ -181,9 +182,11 @@ class Walk(PlannedSteps):
             # The steps are those of the shift of weight before: the capture point has been led there.
             foot = 1 - self.stance
             self._nominal_left, self._nominal = self._left, self._steps[0].sole
-            self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot])
-            self._stays = seen.heights[foot], 0.0
+            self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot], seen.tilts[foot])
             self._floor, self.slope = seen.heights[self.stance], seen.slope
+            lower = seen.heights[foot] - rise(seen.slope, self.soles[foot].point - self.soles[self.stance].point)
+            if self._floor - lower > UNEVEN:
+                self._floor = lower
         elif state is Phase.RECOVER:
             self.guide.go_to(base_of(self.soles))
             middle = self._middle()

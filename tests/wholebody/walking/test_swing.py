@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wholebody.walking.places import Place
-from wholebody.walking.swing import EARLY, LANDING_SPEED, LIFTED, Course, Swing
+from wholebody.walking.swing import EARLY, FASTEST_DOWN, LANDING_SPEED, LIFTED, Course, Swing
 
 DT, TIME, LIFT = 0.002, 0.55, 0.05
 
@@ -63,11 +63,22 @@ def test_a_goal_that_moves_makes_no_jump():
     assert lifted.max() < 60.0 * DT
 
 
-def test_past_its_time_it_goes_on_down():
-    path = fly([Place(0.1 + 0j, 0.0)] * 300, [TIME - k * DT for k in range(300)])
-    assert path[-1].height.x < -0.003
-    assert path[-1].height.v == pytest.approx(-LANDING_SPEED, abs=1e-3)
+def test_past_its_time_it_goes_on_down_and_faster():
+    path = fly([Place(0.1 + 0j, 0.0)] * 312, [TIME - k * DT for k in range(312)])
+    assert path[-1].height.x < -0.02
+    assert path[-1].height.v == -FASTEST_DOWN
     assert path[-1].way.v == 0.0
+
+
+def test_a_sole_that_stood_tilted_is_flat_once_it_is_up():
+    swing, leans = Swing.from_rest(Place(0j, 0.0), 0.0, 0.12 - 0.05j), []
+    n = round(TIME / DT)
+    for k in range(n):
+        swing = swing.advance(Place(0.3 + 0j, 0.0), 0.0, LIFT, k / n, TIME - k * DT, DT, 0.02j)
+        leans.append(swing.lean.x)
+    assert abs(leans[0] - (0.12 - 0.05j)) < 1e-5, "at first it is led as it stood"
+    assert np.abs(np.diff(leans)).max() < 2.5 * abs(leans[0] - 0.02j) * DT / (LIFTED * TIME)
+    assert set(leans[round(LIFTED * n) + 2 :]) == {0.02j}
 
 
 def test_a_course_is_a_quintic():

@@ -18,7 +18,7 @@ from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place, Velocity
 from wholebody.walking.pressure import Sole, between, on
 from wholebody.walking.readings import LEVEL, STEEPEST, WalkReadings, floor_under, rise
-from wholebody.walking.walk import WAITS, Walk
+from wholebody.walking.walk import LATE, WAITS, Walk
 
 OMEGA, DT, SOLE = 3.85, 0.002, Sole(0.073, 0.019)
 
@@ -34,6 +34,18 @@ class Pendulum:
 
     def seen(self):
         return WalkReadings(self.dcm, OMEGA, tuple(self.soles), (0.0, 0.0))
+
+    def feel(self, floors):
+        """From now on both soles feel floors that are so high, left first."""
+        plain = type(self).seen
+
+        def seen():
+            swing, up = self.walk.swing, 1 - self.walk.stance
+            heights = [max(swing.height.x, floors[k]) if swing and k == up else floors[k] for k in (LEFT, RIGHT)]
+            touching = tuple(swing is None or k != up or swing.height.x <= floors[k] for k in (LEFT, RIGHT))
+            return replace(plain(self), heights=tuple(heights), touching=touching)
+
+        self.seen = seen
 
     def run(self, seconds):
         for _ in range(round(seconds / DT)):
@@ -273,3 +285,75 @@ def test_the_zero_moment_point_stays_on_what_carries():
         inside = between((left, right), SOLE, point)
         assert hull.margin(np.array([inside.real, inside.imag])) > -0.005  # soles that are turned are not one rectangle
     assert abs(between((left, right), SOLE, 0.01j) - 0.01j) < 0.02
+
+
+def lifted():
+    """A pendulum that marches, and just lifted its left foot."""
+    one = Pendulum()
+    one.walk.marches = True
+    one.run(2.0)
+    while one.walk.state is not Phase.SWING or one.walk.stance != RIGHT:
+        one.run(DT)
+    return one
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.01, 0.02])
+def test_a_foot_that_meets_the_floor_early_waits_there_for_its_time(floor):
+    one = lifted()
+    one.feel((floor, 0.0))
+    ends, made, heights = one.time + one.walk.left, one.walk.made, []
+    while one.walk.made == made:
+        heights.append(one.walk.swing.height.x)
+        one.run(DT)
+    assert one.walk.state is Phase.LAND
+    assert one.time == pytest.approx(ends, abs=3 * DT)
+    assert min(heights[len(heights) // 2 :]) > floor - 1e-3, "it presses no harder"
+    assert max(heights) > 0.039
+    one.run(3.0)
+    assert abs(one.dcm - one.walk.dcm) < 0.01
+
+
+def test_a_foot_that_scuffs_goes_on_to_its_place():
+    one = lifted()
+    goal, made = one.walk._steps[0].sole.point, one.walk.made
+    one.feel((0.0, 0.0))
+    felt = one.seen
+    while one.walk.left > 0.15:
+        one.run(DT)
+    one.seen = lambda: replace(felt(), touching=(True, True), heights=(one.walk.swing.height.x, 0.0))
+    one.run(0.02)
+    assert one.walk.swing.height.v == 0.0
+    one.seen = felt
+    while one.walk.made == made:
+        one.run(DT)
+    assert abs(one.walk.soles[LEFT].point - goal) < 0.01
+    assert one.walk.state is Phase.LAND
+
+
+@pytest.mark.parametrize(("floor", "met"), [(-0.01, True), (-0.02, True), (-0.1, False)])
+def test_a_foot_that_meets_nothing_goes_on_down_for_a_while(floor, met):
+    one = lifted()
+    one.feel((floor, 0.0))
+    one.walk._floor = 0.0  # it was lifted from as high
+    ends, made, double = one.time + one.walk.left, one.walk.made, one.walk.gait.double
+    while one.walk.made == made:
+        height = one.walk.swing.height.x
+        one.run(DT)
+    late = one.time - ends
+    assert late < LATE + 3 * DT
+    assert (height < floor + 2e-3) == met
+    assert one.walk.left < double - late + 3 * DT, "the weight goes over as much sooner"
+    if met:
+        one.run(3.0)
+        assert abs(one.dcm - one.walk.dcm) < 0.01
+
+
+def test_a_landing_is_counted_on_where_the_lower_foot_stood():
+    """A foot that meets the floor early waits; one that meets it late takes the robot off its walk."""
+    for floors, counted in (((0.0, 0.02), 0.0), ((0.02, 0.0), 0.0), ((0.002, 0.0), 0.0)):
+        one = Pendulum()
+        one.walk.marches = True
+        one.feel(floors)
+        while one.walk.state is not Phase.SWING or one.walk.stance != RIGHT:
+            one.run(DT)
+        assert one.walk._floor == counted

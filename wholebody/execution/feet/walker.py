@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import acos, atan2
 
 import numpy as np
@@ -13,6 +14,7 @@ from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PALM, PackedReference, ReferenceMemory, row_length
 from wholebody.control.weights import RECOVERING, WALKING, Weights
 from wholebody.errors import InputError
+from wholebody.estimation.sole_press import SolePress
 from wholebody.execution.feet.carried import about_z, carry, leaning
 from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
@@ -36,6 +38,9 @@ for them are longer and come to straight knees, the capture point up to 0.25 m o
 ASIDE, TILTED = (0.05, 0.09), (0.16, 0.3)
 """Distances of the capture point from its plan [m], and angles of pelvis and torso from where they are to be [rad], at
 which hands begin to give way and have given way; measured: in calm walks 49 mm and 0.14 rad at most."""
+TOUCHES = 30.0
+"""Force of the floor on a sole from which it touches [N]; measured: a sole that swings has 1 N at most where the state
+is true."""
 
 
 class Walker:
@@ -64,6 +69,7 @@ class Walker:
         narrow = 0.5 * min(np.ptp(spec.feet[0].points[i, 1]) for i in ([0, 1], [2, 3]))
         self._sole = Sole(half[0] - EDGE[0], narrow - EDGE[1])
         self._memory, self._planned = (ReferenceMemory(np.zeros(row_length(robot.n_joints))) for _ in range(2))
+        self._press = SolePress(spec, self._model)
         self.base = Place(0j, 0.0)
         self.walk: Walk | None = None
         self.in_world = self.low = False
@@ -145,7 +151,9 @@ class Walker:
                 those of `begin` if not given.
         """
         walk = self.walk
-        gait, seen = walk.gait, self._look(state)
+        gait, pressed = walk.gait, self._press.look(state)
+        touching = None if pressed is None else (pressed[0] > TOUCHES, pressed[1] > TOUCHES)
+        seen = replace(self._look(state), touching=touching)
         state_before = walk.state
         walk.advance(seen, elapsed)
         if walk.state is not state_before and walk.state is not Phase.STAND:
@@ -196,7 +204,7 @@ class Walker:
         omega = natural_frequency(float(self._com[2]) - floor)
         dcm = complex(*(self._com[:2] + self._com_velocity[:2] / omega))
         self._dcm = dcm
-        return WalkReadings(dcm, omega, tuple(soles), tuple(heights), state.stands, floor_under(tilts))
+        return WalkReadings(dcm, omega, tuple(soles), tuple(heights), None, floor_under(tilts), tuple(tilts))
 
     def _placed(self, seen: WalkReadings) -> Feet:
         """Both feet where the walk has them: a foot that is up where it is to land."""
@@ -213,7 +221,7 @@ class Walker:
 
     def _lead_foot(self, row: np.ndarray, swing: Swing, foot: int) -> None:
         """Pose, twist and acceleration of the foot's frame for its sole's."""
-        R, middle = leaning(self.walk.slope) @ about_z(swing.heading.x), self._middles[foot]
+        R, middle = leaning(swing.lean.x) @ about_z(swing.heading.x), self._middles[foot]
         back = -(R @ middle)
         arm = complex(*back[:2])
         rate, change = swing.heading.v, swing.heading.a
@@ -221,5 +229,6 @@ class Walker:
         v = swing.way.v + 1j * rate * arm
         a = swing.way.a + (1j * change - rate * rate) * arm
         row[:9], row[9:12] = R.ravel(), (place.real, place.imag, swing.height.x + back[2])
-        row[12:15], row[17] = (v.real, v.imag, swing.height.v), rate
-        row[18:21], row[23] = (a.real, a.imag, swing.height.a), change
+        tilting, changing = swing.lean.v, swing.lean.a
+        row[12:15], row[15:18] = (v.real, v.imag, swing.height.v), (tilting.imag, -tilting.real, rate)
+        row[18:21], row[21:24] = (a.real, a.imag, swing.height.a), (changing.imag, -changing.real, change)
