@@ -22,9 +22,9 @@ from wholebody.walking.places import Velocity
 STOP = START + 2.0
 
 
-def told(velocity):
+def told(velocity, stop=STOP):
     def tell(one, time):
-        wanted = velocity if time < STOP else Velocity()
+        wanted = velocity if time < stop else Velocity()
         if one.guide.wanted != wanted:
             one.guide.follow(wanted)
 
@@ -50,6 +50,21 @@ def test_it_walks_where_the_floor_rises_to_its_side():
     one = walk(told(Velocity(0.3 + 0j)), STOP + 4.0, ground="3 deg aside")
     assert one.fell is None
     assert one.stands
+    assert rms(one.errors) < 2e-3
+
+
+def test_it_steps_up_where_it_is_told_nothing_of_a_slab():
+    """A foot that met it went on down: it lifted the robot, tilted it by 8 degrees, and it fell."""
+    tilts, heights = [], []
+
+    def look(walker, plant, state):
+        tilts.append(2.0 * np.arcsin(np.hypot(*state.q[3:5])))
+        heights.append(plant.soles()[:, 2].min())
+
+    one = walk(told(Velocity(0.15j), START + 4.0), START + 5.5, look=look, ground="2 cm")
+    assert one.fell is None
+    assert heights[-1] > 0.017, "both feet are on it"
+    assert max(tilts) < np.deg2rad(5.0)
     assert rms(one.errors) < 2e-3
 
 
