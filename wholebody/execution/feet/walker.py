@@ -39,8 +39,8 @@ ASIDE, TILTED = (0.05, 0.09), (0.16, 0.3)
 """Distances of the capture point from its plan [m], and angles of pelvis and torso from where they are to be [rad], at
 which hands begin to give way and have given way; measured: in calm walks 49 mm and 0.14 rad at most."""
 TOUCHES = 30.0
-"""Force of the floor on a sole from which it touches [N]; measured: a sole that swings has 1 N at most where the state
-is true."""
+"""Force of the floor on a sole from which it touches [N]; measured: a sole that comes down has 1 N at most where the
+state is true, 14 where the robot is realistic."""
 
 
 class Walker:
