@@ -10,6 +10,7 @@ The numbers are those of seeds, of directions for pushes; the last line has medi
 """
 
 import argparse
+from itertools import product
 
 import numpy as np
 
@@ -21,13 +22,14 @@ SPEEDS = {
     "0.2 ahead": Velocity(0.2 + 0j),
     "0.3 ahead": Velocity(0.3 + 0j),
     "0.4 ahead": Velocity(0.4 + 0j),
+    "0.5 ahead": Velocity(0.5 + 0j),
     "0.2 back": Velocity(-0.2 + 0j),
     "0.25 back": Velocity(-0.25 + 0j),
     "0.15 aside": Velocity(0.15j),
     "0.2 aside": Velocity(0.2j),
     "0.5 rad/s": Velocity(0j, 0.5),
     "0.3, 0.3 rad/s": Velocity(0.3 + 0j, 0.3),
-}
+} | {f"mixed-{k}": Velocity(complex(x, y), 0.29) for k, (x, y) in enumerate(product((0.23, -0.145), (0.115, -0.115)))}
 WALKING, AFTER = 4.0, 4.5
 """Time for which a speed is told, and that is waited after it [s]."""
 
