@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 
-class Drawn:
+class Drawn(ABC):
     """A task that is drawn anew, by its own numbers or by somebody else's.
 
     Args:
@@ -20,6 +22,6 @@ class Drawn:
         """Draw another instance of it."""
         self.draw(self._rng)
 
+    @abstractmethod
     def draw(self, rng: np.random.Generator) -> None:
         """Draw another instance of it from somebody's numbers."""
-        raise NotImplementedError

@@ -14,6 +14,7 @@ from models import g1
 from policy.scripted.library import scripted_policy
 from policy.scripted.policy import to_chunk
 from tests.support.felt import Felt
+from tests.support.wide import wide
 from wholebody.config import ControllerConfig, RobotConfig
 from wholebody.episode.run import EpisodeConfig, followed, observe, run_episode
 from wholebody.errors import ConfigError, InputError
@@ -216,15 +217,16 @@ def test_a_robot_that_is_there_already_does_not_step(supervisor, plant):
     assert supervisor.state is State.HOLDING
 
 
-def test_one_that_is_pushed_as_it_settles_takes_a_step(supervisor, plant):
-    """It fell from 8 N s on, since a walk whose last step is made waits for the capture point to come to rest."""
+@pytest.mark.parametrize("impulse", [-12.0, *wide(-14.0, -10.0, -8.0, 10.0, 12.0, 14.0)])
+def test_one_that_is_pushed_as_it_settles_takes_a_step(supervisor, plant, impulse):
+    """It fell of each of these, since a walk whose last step is made waits for the capture point to come to rest."""
     state, pushed, steps = plant.state(), None, False
     while state.time < (8.0 if pushed is None else pushed + 4.0):
         if state.time < 1.5:
             supervisor.walk((0.2, 0.0, 0.0))
         if pushed is None and state.time > 1.5 and supervisor._stepping._walker.walk.state is Phase.SETTLE:
             pushed = state.time
-            plant.push("torso_link", np.array([-120.0, 0.0, 0.0]), start=pushed, duration=0.1)
+            plant.push("torso_link", np.array([10.0 * impulse, 0.0, 0.0]), start=pushed, duration=0.1)
         state = plant.step(supervisor.step(state))
         steps |= supervisor.status.reason is Reason.RECOVERING
     assert steps
