@@ -126,11 +126,12 @@ def memory(nv: int, joints: int) -> Packed:
     ``residual`` are low-passed torques that the masses account for [N m], ``unit`` the same of 1 kg [N m/kg], ``mass``
     and its ``error`` [kg] what is found; ``body``, ``place`` [m] and ``arm`` are where loads are and what carries them.
     ``pushed`` are the torques of ``wrench`` on the palms [N, N m], ``moved`` those that accelerate the arms [N m],
-    ``level`` [N m] is the mean of those of its force of late, ``size`` what of it nothing feigns [N].
+    ``changes`` their rate [N m/s], ``level`` [N m] is the mean of those of its force of late, ``size`` what of it
+    nothing feigns [N].
     """
     hands, arms = (2,), (2, joints)
     reals = {
         "place": (2, 3), "dv": (nv,), "six": (6,), "normal": (6, 7), "residual": arms, "unit": arms, "mass": hands,
-        "error": hands, "pushed": arms, "moved": arms, "wrench": (2, 6), "level": hands, "size": hands,
+        "error": hands, "pushed": arms, "moved": arms, "changes": arms, "wrench": (2, 6), "level": hands, "size": hands,
     }  # fmt: skip
     return Packed(reals, {"body": hands, "arm": arms})

@@ -76,9 +76,11 @@ class PlanFollower:
             edges=self._edges(),
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
             weights=joint_weights(robot.spec)[robot.motor_to_pin],
+            sides=np.full(robot.n_joints, len(spec.tools)),
         )
         self._weights = self._counted = self._body.weights.copy()
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
+        self._body.sides[self._arms] = [[0], [1]]
         compiled = kernel.follow, kernel.foresee
         self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
         self._dt, self._standing, self._hands_ahead, self._stretched = config.dt, False, False, 1.0

@@ -34,9 +34,11 @@ dances, whose arms have friction of 0.1 to 0.3 N m a joint that the model lacks.
 LEVEL_FEIGNS, FEIGNED_MAX, LEVEL_TIME = 1.5, 1.5, 2.0
 """Multiple of the mean torque of late by which it may be exceeded [no unit], the most of that [N m], and the time
 constant of the mean [s]; measured likewise: of those robots it is 1 N m."""
-MOVED_FEIGNS = 0.2
-"""Share of the torques that accelerate an arm that masses which are not the model's, and torques told 2 ms late, feign
-[no unit]; measured likewise: at 100 rad/s^2 and more, chops of a karate dance felt like 12 N."""
+MOVED_FEIGNS, LATE_FEIGNS = 0.2, 3e-3
+"""Share of the torques that accelerate an arm that masses which are not the model's feign [no unit], and how late
+torques may be told [s], which feigns as much as they change in that time; measured likewise: at 100 rad/s^2 and more,
+chops of a karate dance felt like 12 N, and arms whose acceleration ends within 10 ms did where torques are told 2 ms
+late."""
 LEVER_MIN = 0.05
 """Least lever of a force over its arm that is counted on [m]; chosen: along a stretched arm nothing is felt. Joints
 have friction, not palms: the less of a lever a force has, the more of it a torque feigns."""
@@ -69,7 +71,8 @@ def observe(
     for c in range(v.shape[0]):
         dv[c] = (v[c] - before[c]) / dt
     for h in range(2):
-        residual, unit, pushed, moved = memory.residual[h], memory.unit[h], memory.pushed[h], memory.moved[h]
+        residual, unit, pushed = memory.residual[h], memory.unit[h], memory.pushed[h]
+        moved, changes = memory.moved[h], memory.changes[h]
         touch, at = tick.touch[h], 6 * (PALM_FRAME + h)
         x, y, z = lifted(tick, memory.body[h], memory.place[h], dv, x_load)
         for i in range(residual.shape[0]):
@@ -78,7 +81,9 @@ def observe(
             for k in range(dv.shape[0]):
                 moves += M[c, k] * dv[k]
             missing = tau[c - 6] - nle[c] - moves
-            moved[i] = keep_fast * moved[i] + (1.0 - keep_fast) * moves
+            more = (1.0 - keep_fast) * (moves - moved[i])
+            moved[i] += more
+            changes[i] += (1.0 - keep_fast * keep_fast) * (more / dt - changes[i])
             if touch[SHARE] > 0.0:
                 for k in range(6):
                     missing -= J[at + k, c] * touch[FORCE + k]
@@ -91,6 +96,7 @@ def observe(
         size = push(J, arm[h], at, pushed, memory.normal, memory.wrench[h])
         torque = torque_of(J, arm[h], at, memory.wrench[h])
         feigns = min(LEVEL_FEIGNS * memory.level[h], FEIGNED_MAX) + MOVED_FEIGNS * length(moved)
+        feigns += LATE_FEIGNS * length(changes)
         lever = max(torque / max(size, 1e-9), LEVER_MIN)
         memory.size[h] = size - feigns / lever - feigned(tick.frame_V[PALM_FRAME + h])
         if not touch[SHARE] > 0.0:

@@ -22,7 +22,7 @@ def compile_follow(n_joints: int) -> None:
     vector, matrix, trajectory = np.zeros(1), np.zeros((1, 1)), np.zeros(1, kernel.trajectory_row(n_joints))
     plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory, vector, vector)
     smoothing = kernel.Smoothing(np.zeros(2, HAND), matrix, matrix, np.zeros(2, LIMITS), matrix)
-    body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector)
+    body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector, np.zeros(1, dtype=int))
     clock, (follow, foresee) = np.zeros(1, kernel.CLOCK), compiled_follow(n_joints)
     follow.compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector, 0.0, 0.0)
     foresee.compile(plan, clock, smoothing, 0)
