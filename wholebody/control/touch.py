@@ -11,6 +11,7 @@ from wholebody.config.touch import TouchConfig
 from wholebody.control.asked_forces import AskedForces
 from wholebody.control.base import Controller
 from wholebody.control.leaning import GRAVITY, Leaning
+from wholebody.control.own_forces import OwnForces
 from wholebody.control.reference_packet import COM, PALM
 from wholebody.estimation.body_push import EVERY, TIME_CONSTANT, BodyPush
 from wholebody.estimation.load import LoadObserver
@@ -61,9 +62,6 @@ UNTOLD_SHARE = 0.5
 a realistic robot fell that pressed a table with both hands."""
 BELIEVED = 150.0
 """Largest force on a palm that the program counts on [N]; chosen: twice what tips the robot."""
-OWN = -0.005
-"""Room of a pair of the robot's own bodies below which they touch [m]; derived: the program keeps 8 mm between them,
-and hulls are known to a millimetre."""
 FORGIVEN = 0.06
 """Largest distance by which a palm that touches may be short of where it is commanded along its push [m]; chosen: past
 it the body has gone where the hands cannot follow."""
@@ -97,9 +95,7 @@ class Touch:
         self._ends = [(1 + arm[0], 1 + arm[elbow[arm]][0]) for arm in joints]
         """Bodies of shoulder and elbow."""
         self._waist = np.flatnonzero(np.isin(robot.motor_to_pin, robot.spec.limbs["waist"]))
-        # Body 0 is the base, the others belong to the joints.
-        fingers = [robot.joint_indices(tool.finger_joints) for tool in robot.spec.tools]
-        self._bodies = [1 + np.concatenate(parts) for parts in zip(joints, fingers, strict=True)]
+        self._own = OwnForces(controller, joints)
         self._torques = [robot.spec.effort_max[robot.motor_to_pin][arm] for arm in joints]
         self.reset()
 
@@ -141,7 +137,8 @@ class Touch:
             row: Packed reference of the last tick.
             now: Present time [s].
             elapsed: Time since the last tick [s].
-            follows: Whether the robot follows a plan: off any, hands are let go of and whirl, and no touch begins.
+            follows: Whether the robot follows a plan: off any, hands are let go of and whirl, and no touch begins. Nor
+                does one of an arm with a joint at the end of its range, whose stop pushes it.
         """
         observer, found = self._observer, self._config.force_found
         if observer is None:
@@ -160,7 +157,8 @@ class Touch:
             self._palms = palms
         for hand, size in enumerate((left, right)):
             begins = self.shares[hand] == 0.0
-            own = (begins and not follows) or (size > found and self._touches_itself(hand))
+            own = begins and (not follows or (size > found and self._own.at_stop(hand)))
+            own |= size > found and self._own.on(hand)
             self._advance(hand, 0.0 if own else size, now, elapsed)
         self._count_on(observer.wrenches)
         self._leaning.advance(self._rows, self.asked, row[COM : COM + 2], max(self._drawn), elapsed)
@@ -179,12 +177,6 @@ class Touch:
     def expect(self, chunk: ActionChunk) -> None:
         """Count from now on on the forces, limits and stiffnesses of a chunk; on none if it has none."""
         self.asked.expect(chunk)
-
-    def _touches_itself(self, hand: int) -> bool:
-        """Whether an arm touches another part of the robot: that force is none of the world's."""
-        tick = self._controller.compiled.tick
-        near = tick.pairs[: tick.n_pairs, 9] < OWN
-        return bool(near.any() and np.isin(tick.pair_body[: tick.n_pairs][near], self._bodies[hand]).any())
 
     def _advance(self, hand: int, size: float, now: float, elapsed: float) -> None:
         """Begin or end a touch by how hard a palm is pushed [N]."""
