@@ -25,7 +25,6 @@ from tests.support.openpi_peer import IMAGES as OPENPI_IMAGES
 from tests.support.openpi_peer import SERVER, Peer, frame
 from tests.support.policy_cases import observation
 
-pytestmark = pytest.mark.alone
 LONG = 60.0
 """A time-out that is not what ends a wait, on a slow and busy machine neither [s]."""
 OPTIONS = {"connect_timeout": LONG, "timeout": LONG, "first_timeout": LONG}

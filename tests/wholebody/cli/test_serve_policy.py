@@ -16,8 +16,6 @@ from tests.support.policy_cases import observation
 from wholebody.cli import main as cli
 from wholebody.cli.sources import length
 
-pytestmark = pytest.mark.alone
-
 CODE = "from wholebody.cli.main import main; main()"
 
 

@@ -10,9 +10,8 @@ import pytest
 
 from tests.support.commands import wholebody
 
-pytestmark = pytest.mark.alone
 
-
+@pytest.mark.alone
 def test_the_loop_runs_on_the_wall_clock_and_says_how_punctual_it_was():
     begin = time.monotonic()
     answer = wholebody("live", "wave", "--headless", "--duration", "3", "--hold", "1", "--json", "-")
@@ -30,6 +29,7 @@ def test_the_loop_runs_on_the_wall_clock_and_says_how_punctual_it_was():
     assert set(told["seconds"]) <= {"tracking", "slowed", "hold", "stop"}
 
 
+@pytest.mark.alone
 def test_ctrl_c_ends_it_in_order():
     code = "from wholebody.cli.main import main; main()"
     arguments = [sys.executable, "-c", code, "live", "wave", "--headless", "--duration", "60"]

@@ -12,7 +12,6 @@ from wholebody.live.loop import ControlLoop, LoopStatistics
 from wholebody.live.robot_process import RobotProcess, World
 from wholebody.types import JointCommand, Reason, Status, StatusReport
 
-pytestmark = pytest.mark.alone
 N = g1().n_joints
 
 
@@ -30,6 +29,7 @@ def driven(stiffness, seconds):
     return robot.close(), last.time
 
 
+@pytest.mark.alone
 def test_time_runs_at_real_speed_and_a_limp_robot_is_told_to_have_fallen():
     told, now = driven(stiffness=0.0, seconds=2.0)
     assert now == pytest.approx(2.0, abs=0.2)

@@ -18,7 +18,6 @@ from wholebody.live.loop import StaticRobot
 from wholebody.live.session import Session, SessionConfig
 from wholebody.types import Reason, RobotState
 
-pytestmark = pytest.mark.alone
 SPEC = g1()
 
 
@@ -50,6 +49,7 @@ class Watched(StaticRobot):
         return {"fall": ""}
 
 
+@pytest.mark.alone
 def test_a_session_runs_the_robot_that_it_is_given(monkeypatch):
     # What keeps time collects garbage and changes the scheduling of the whole process: here that is the tests' own.
     monkeypatch.setattr("wholebody.live.pacing.keep_time", list)
@@ -64,6 +64,7 @@ def test_a_session_runs_the_robot_that_it_is_given(monkeypatch):
     assert session.summary()["chunks"]["accepted"] >= 1
 
 
+@pytest.mark.alone
 def test_a_session_is_told_to_walk_from_another_thread(monkeypatch):
     monkeypatch.setattr("wholebody.live.pacing.keep_time", list)
     session = Session(ControllerConfig(), Watched(), SessionConfig(duration=0.1, settle=0.1, hold=0.1))
@@ -80,6 +81,7 @@ def test_a_session_is_told_to_walk_from_another_thread(monkeypatch):
     assert "is over" in str(late.exception(timeout=0.0))
 
 
+@pytest.mark.alone
 def test_who_asks_for_a_walk_is_answered_though_the_run_ends_before_and_may_take_it_back(monkeypatch):
     """The future stayed open for ever, and one that was cancelled ended the control loop."""
     monkeypatch.setattr("wholebody.live.pacing.keep_time", list)
