@@ -33,6 +33,10 @@ LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.14, 0.0, 0.64), 2.0, 212.0, -14.0
 FURTHEST, HAND = 3.2, 0.15
 """Most distance of the camera, and what is to be seen around a palm [m]; chosen: a hand that is further up or aside is
 cut off, rather than the robot become small."""
+NEAR, GOES_OVER = 0.5, 1.0
+"""Way from the origin up to which a robot that walks comes nearer to a camera that stays [m], and time over which the
+rest of its way is averaged for the camera [s]; chosen: further on its feet are out of the picture, which is not to sway
+with each step."""
 
 
 def main(recording: Path, output: Path) -> None:
@@ -76,10 +80,10 @@ def _write_gif(output: Path, pictures: list[np.ndarray], colours: np.ndarray) ->
 
 def frames(record: Record, rows: Sequence[int], why: Sequence[str] = ()) -> Iterator[np.ndarray]:
     """Captioned pictures of control periods; ``why`` says of each why it is shown."""
-    painter = Painter(record)
+    painter, way = Painter(record), camera_way(record)
     for done, row in enumerate(rows):
         scene = scene_at(record, int(row))
-        yield captioned(painter.paint(scene), scene, why[done] if why else "")
+        yield captioned(painter.paint(scene, way[row]), scene, why[done] if why else "")
         print(done + 1, len(rows), flush=True)  # noqa: T201 - what the process that started this one reads
 
 
@@ -106,12 +110,12 @@ class Painter:
         self._moving = moving_joints(self._model)
         self._hands = {tool.side: _below(self._model, self._model.body(tool.wrist_frame).id) for tool in spec.tools}
         self._camera = mujoco.MjvCamera()
-        self._camera.lookat[:], self._camera.distance = view(record, float(self._model.vis.global_.fovy))
+        self._look_at, self._camera.distance = view(record, float(self._model.vis.global_.fovy))
         self._camera.azimuth, self._camera.elevation = AZIMUTH, ELEVATION
         self._renderer = plain(mujoco.Renderer(self._model, HEIGHT, WIDTH))
 
-    def paint(self, scene: Scene) -> np.ndarray:
-        """Robot, objects and marks, shape (HEIGHT, WIDTH, 3)."""
+    def paint(self, scene: Scene, way: np.ndarray | float = 0.0) -> np.ndarray:
+        """Robot, objects and marks, shape (HEIGHT, WIDTH, 3), from a camera that has gone a way (3,) [m]."""
         import mujoco
 
         from models.moving_bodies import put
@@ -121,6 +125,7 @@ class Painter:
         put(self._model, data.qpos, self._moving, scene.objects)
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
+        self._camera.lookat[:] = self._look_at + way
         self._renderer.update_scene(data, self._camera)
         drawn = self._renderer.scene
         solid = [drawn.geoms[i] for i in range(drawn.ngeom)]
@@ -158,15 +163,28 @@ def drawn_model(spec: RobotSpec, scene: str) -> mujoco.MjModel:
     return coarser(bright(lit(build())), build().compile()).compile()
 
 
+def camera_way(record: Record) -> np.ndarray:
+    """Way that the camera goes along with a robot that walks, at each control period, shape (n, 3), [m]."""
+    soles, time = record["soles"].mean(axis=1), record["time"]
+    far = np.linalg.norm(soles, axis=1, keepdims=True)
+    away = soles * np.maximum(1.0 - NEAR / np.maximum(far, NEAR), 0.0)
+    before, after = np.searchsorted(time, time - 0.5 * GOES_OVER), np.searchsorted(time, time + 0.5 * GOES_OVER)
+    total = np.concatenate([np.zeros((1, 2)), np.cumsum(away, axis=0)])
+    mean = (total[after] - total[before]) / (after - before)[:, None]
+    return np.column_stack([mean, np.zeros(len(mean))])
+
+
 def view(record: Record, fovy: float) -> tuple[np.ndarray, float]:
     """Where a camera looks, shape (3,), and from how far it sees feet and palms, measured and commanded [m].
+
+    So it is seen from the origin; `camera_way` says how it goes along.
 
     Args:
         record: The recording.
         fovy: Angle between the lower and the upper edge of the picture [deg].
     """
     palms = np.stack([record[f"T_world_palms_{which}"][..., :3, 3] for which in ("measured", "commanded")])
-    points = np.concatenate([palms.reshape(-1, 3), np.zeros((1, 3))])
+    points = np.concatenate([(palms - camera_way(record)[:, None]).reshape(-1, 3), np.zeros((1, 3))])
     look_at = np.array([*LOOK_AT[:2], max(LOOK_AT[2], 0.5 * points[:, 2].max())])
     turn, lift = np.deg2rad((AZIMUTH, ELEVATION))
     ahead = np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])

@@ -13,7 +13,7 @@ from tests.support.recordings import made_record, plant_recording, save
 from wholebody.errors import InputError, RenderError
 from wholebody.sim.pictures import render as rendering
 from wholebody.sim.pictures.caption import CAPTION, captioned, legend
-from wholebody.sim.pictures.drawing import DISTANCE, FURTHEST, GIF_WIDTH, HEIGHT, LOOK_AT, WIDTH, view
+from wholebody.sim.pictures.drawing import DISTANCE, FURTHEST, GIF_WIDTH, HEIGHT, LOOK_AT, WIDTH, camera_way, view
 from wholebody.sim.pictures.render import render
 from wholebody.sim.pictures.scene import scene_at
 
@@ -59,6 +59,7 @@ def test_the_camera_goes_up_and_back_for_raised_hands_and_stays_otherwise():
     T = np.tile(np.eye(4), (2, 2, 1, 1))
     T[:, :, :3, 3] = (0.3, 0.2, 0.9)
     calm = {f"T_world_palms_{which}": T for which in ("measured", "commanded")}
+    calm |= {"soles": np.zeros((2, 8, 2)), "time": np.arange(2.0)}
     look_at, distance = view(calm, 45.0)
     assert look_at == pytest.approx(LOOK_AT)
     assert distance == DISTANCE
@@ -68,6 +69,23 @@ def test_the_camera_goes_up_and_back_for_raised_hands_and_stays_otherwise():
     assert LOOK_AT[2] < look_at[2] < 1.0
     assert DISTANCE < distance < FURTHEST
     assert view({**calm, "T_world_palms_commanded": 9.0 * raised}, 45.0)[1] == FURTHEST
+
+
+def test_the_camera_goes_along_with_a_robot_that_walks_and_stays_before_one_that_steps():
+    """It stayed, and a robot that came nearer for 12 s had its legs out of the picture."""
+    time = np.linspace(0.0, 12.0, 601)
+    T = np.tile(np.eye(4), (601, 2, 1, 1))
+    ahead = np.minimum(0.3 * time, 3.0)
+    T[:, :, 0, 3], T[:, :, 2, 3] = 0.3 + ahead[:, None], 0.9
+    soles = np.zeros((601, 8, 2))
+    assert not camera_way({"soles": soles + 0.1, "time": time}).any()
+    soles[..., 0] = ahead[:, None]
+    walk = {"soles": soles, "time": time} | {f"T_world_palms_{which}": T for which in ("measured", "commanded")}
+    way = camera_way(walk)
+    assert way[0] == pytest.approx(0.0, abs=1e-9)
+    assert way[-1] == pytest.approx([2.5, 0.0, 0.0])
+    assert np.abs(way[:, 0] - np.maximum(ahead - 0.5, 0.0)).max() < 0.1
+    assert view(walk, 45.0)[1] == DISTANCE
 
 
 def test_a_video_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path):
