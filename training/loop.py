@@ -1,7 +1,8 @@
 """``python -m training.loop [--task TASK] [--out FOLDER] ...``: record, train, evaluate, and a table of how it went.
 
-Every step is a command of LeRobot, in its own process, offline. ACT is trained on the state and on what is shown of the
-task, which `lerobot-record` writes into the state: `training.shown` adds a column in between.
+Every step is a command of LeRobot, in its own process, offline; two that need nothing of each other run side by side.
+ACT is trained on the state and on what is shown of the task, which `lerobot-record` writes into the state:
+`training.shown` adds a column in between.
 What is there already is not made again: a run that was ended goes on.
 """
 
@@ -13,13 +14,14 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-ROOT, BIN = Path(__file__).parents[1], Path(sys.executable).parent
+ROOT, BIN, CORES = Path(__file__).parents[1], Path(sys.executable).parent, len(os.sched_getaffinity(0))
 ACT = {
     "type": "act", "device": "cpu", "push_to_hub": "false", "dim_model": 128, "n_heads": 4, "dim_feedforward": 256,
     "n_encoder_layers": 3, "n_vae_encoder_layers": 2, "chunk_size": 20, "n_action_steps": 20, "use_vae": "false",
@@ -69,8 +71,8 @@ class Steps:
         self.folder, self.seconds = folder, {}
         folder.mkdir(parents=True, exist_ok=True)
 
-    def run(self, name: str, command: str, *arguments: str, **options: object) -> None:
-        """Run a command, LeRobot's by its name, to its end; what it says is in a file.
+    def run(self, name: str, command: str, *arguments: str, threads: int = 1, **options: object) -> None:
+        """Run a command, LeRobot's by its name, to its end, with so many threads; what it says is in a file.
 
         Raises:
             SystemExit: If it fails, with the end of what it said.
@@ -89,7 +91,7 @@ class Steps:
         log, begin = self.folder / f"{name}.log", perf_counter()
         print(f"{name}: {Path(command).name}, its words are in {log}", flush=True)
         with log.open("w") as out:
-            environment = {"OMP_NUM_THREADS": "1"} | os.environ | home | {"PYTHONPATH": path}
+            environment = os.environ | home | {"OMP_NUM_THREADS": str(threads), "PYTHONPATH": path}
             done = subprocess.run(words, stdout=out, stderr=subprocess.STDOUT, check=False, env=environment, cwd=ROOT)
         self.seconds[name] = perf_counter() - begin
         print(f"{name}: {self.seconds[name]:.0f} s", flush=True)
@@ -141,7 +143,8 @@ def train(steps: Steps, data: Path, count: int, batch: int, seed: int) -> Path:
         shutil.rmtree(out, ignore_errors=True)
         policy = {f"policy__{name}": value for name, value in ACT.items()}
         steps.run(
-            "train", "lerobot-train", dataset__repo_id="loop/data", dataset__root=data, output_dir=out, steps=count,
+            "train", "lerobot-train", threads=CORES, dataset__repo_id="loop/data", dataset__root=data, output_dir=out,
+            steps=count,
             batch_size=batch, num_workers=1, save_freq=count, log_freq=200, env_eval_freq=0, seed=seed,
             use_policy_training_preset="false", optimizer__type="adamw", optimizer__lr=RATE,
             optimizer__weight_decay=0.01, scheduler__type="cosine_decay_with_warmup", scheduler__num_warmup_steps=50,
@@ -189,6 +192,15 @@ def fell(recorded: Path) -> bool:
     return report["fell_at"] is not None and report["fell_at"] < report["lowering_from"]
 
 
+def undisturbed(steps: Steps, given: argparse.Namespace, how: Recording) -> dict[str, dict[str, object]]:
+    """Success of the expert that nothing leads aside, and of replays of it from other starts."""
+    recorded = record(steps, "expert", given.task, given.tries, given.seed, how)
+    rows = {"expert": experts(recorded, given.task)}
+    if given.task == "reach":
+        rows["replay"] = replay(steps, recorded, given.tries)
+    return rows
+
+
 def main() -> None:
     """Run the loop, print its table."""
     parser = argparse.ArgumentParser(prog="python -m training.loop", description=__doc__)
@@ -204,16 +216,17 @@ def main() -> None:
     steps = Steps(given.out.resolve())
     how = RECORDINGS[given.task]
     how = replace(how, seconds=given.seconds or how.seconds)
-    plain = alone = record(steps, "recorded", given.task, given.episodes, given.seed, how)
-    if how.disturb:
-        alone = record(steps, "expert", given.task, given.tries, given.seed, replace(how, disturb=0.0))
-    rows = {"expert": experts(alone, given.task)}
-    rows["expert"]["falls"] += int(alone != plain and fell(plain))
-    if given.task == "reach":
-        rows["replay"] = replay(steps, alone, given.tries)
-    checkpoint = train(steps, add_shown(steps, plain), given.steps, given.batch, given.seed)
-    for gate in (False, True):
-        rows["policy, gate" if gate else "policy"] = evaluate(steps, given.task, checkpoint, given.tries, gate)
+    with ThreadPoolExecutor() as beside:
+        alone = None
+        if how.disturb:
+            alone = beside.submit(undisturbed, steps, given, replace(how, disturb=0.0))
+        plain = record(steps, "recorded", given.task, given.episodes, given.seed, how)
+        rows = {"expert": experts(plain, given.task)} if alone is None else alone.result()
+        rows["expert"]["falls"] += int(alone is not None and fell(plain))
+        checkpoint = train(steps, add_shown(steps, plain), given.steps, given.batch, given.seed)
+        of = steps, given.task, checkpoint, given.tries
+        gated = beside.submit(evaluate, *of, gate=True)
+        rows |= {"policy": evaluate(*of, gate=False), "policy, gate": gated.result()}
     (steps.folder / "loop.json").write_text(json.dumps({"rows": rows, "seconds": steps.seconds}, indent=2))
     print("| | success | episodes | falls |\n|---|---|---|---|")
     for name, row in rows.items():
