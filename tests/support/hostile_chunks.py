@@ -123,6 +123,9 @@ class FuzzResult:
 class Episode:
     """One fuzz case: start, hostile chunks, a feasible one, hostile chunks again, hold."""
 
+    chunks = 4
+    """Hostile chunks, half of them before the feasible one [no unit]."""
+
     def __init__(self, supervisor, plant, seed):
         self.supervisor, self.plant, self.rng = supervisor, plant, np.random.default_rng(seed)
         self.kind = list(FAMILIES)[seed % len(FAMILIES)]
@@ -141,11 +144,12 @@ class Episode:
             for _ in range(4):
                 self.offer(replace(policy.infer(observe(self.plant.spec, self.supervisor, self.state)), seq=self.seq))
                 self.step(0.8)
-        for _ in range(2):
-            self.hostile()
+        half = self.chunks // 2
+        for k in range(half):
+            self.hostile(self.kind_of(k))
         error = self.feasible()
-        for _ in range(2):
-            self.hostile()
+        for k in range(half, self.chunks):
+            self.hostile(self.kind_of(k))
         self.step(HOLD)
         return self.result(error)
 
@@ -153,8 +157,12 @@ class Episode:
         progress = 1.0 / self.supervisor.time_factor
         return FuzzResult(self.kind, self.start, self.fall, self.tilt, error, progress, self.refused, self.off_plan)
 
-    def hostile(self):
-        self.offer(hostile_chunk(self.kind, self.rng, self.seq, self.state.time))
+    def kind_of(self, k):
+        """Family of a hostile chunk, by its number."""
+        return self.kind
+
+    def hostile(self, kind):
+        self.offer(hostile_chunk(kind, self.rng, self.seq, self.state.time))
         self.step(self.rng.uniform(0.3, 1.2))
 
     def feasible(self):
@@ -182,6 +190,20 @@ class Episode:
             self.left = self.left + self.plant.control_dt if status.reason is Reason.OFF_PLAN else 0.0
             self.off_plan = max(self.off_plan, self.left)
             self.fall = detect_fall(self.plant, self.state, status.status)
+
+
+class MixedEpisode(Episode):
+    """One case of many families: as many as there are starts have each family twice, at least."""
+
+    chunks = 8
+
+    def __init__(self, supervisor, plant, seed):
+        super().__init__(supervisor, plant, seed)
+        self.kind, self.start = "mixed", list(STARTS)[seed % len(STARTS)]
+        self.kinds = [list(FAMILIES)[(self.chunks * seed + k) % len(FAMILIES)] for k in range(self.chunks)]
+
+    def kind_of(self, k):
+        return self.kinds[k]
 
 
 EDGE_MIDDLE = np.array([0.30, 0.20, 0.95])
