@@ -39,7 +39,7 @@ def answers(folder):
     return [(row["episode"], row["answer"]) for row in table]
 
 
-def test_lerobot_deletes_what_an_audit_says(tmp_path):
+def test_lerobot_deletes_what_an_audit_says(inside, tmp_path, monkeypatch):
     dataset = write_v30(tmp_path / "shaken", cameras=False, change=shaken)
     done = wholebody("audit", "shaken", "-j", "1", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
@@ -50,7 +50,8 @@ def test_lerobot_deletes_what_an_audit_says(tmp_path):
     assert asked["root"] == str(dataset)
     assert asked["operation"]["episode_indices"] == [1]
     edit_dataset(draccus.parse(EditDatasetConfig, settings, args=[]))
-    again = wholebody("audit", "shaken_audited", "--to", "again", "-j", "1", cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    again = inside("audit", "shaken_audited", "--to", "again", "-j", "1")
     assert again.returncode == 0, again.stderr
     assert answers(tmp_path / "again") == [(0, "feasible"), (1, "feasible")]
 
@@ -69,11 +70,12 @@ def ahead(wrists, by):
     return encode(spec, ActionChunk(spec.id, 0, 0.0, 30.0, *T, fingers, fingers), Anchor.nominal())
 
 
-def test_a_hand_out_of_reach_is_led_back_and_the_pictures_stay(tmp_path, wrists):
+def test_a_hand_out_of_reach_is_led_back_and_the_pictures_stay(inside, tmp_path, wrists, monkeypatch):
     made = convert_dataset(write_v30(tmp_path / "joints"), tmp_path / "wrists").folder
     asked = {i: ahead(wrists, np.full(LENGTHS[i], by)) for i, by in enumerate((0.2, 0.48, 0.8))}
     rewrite_dataset(made, tmp_path / "asked", asked, facts={})
-    done = wholebody("audit", "asked", "--repair", "-j", "1", cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    done = inside("audit", "asked", "--repair", "-j", "1")
     assert done.returncode == 1, done.stderr
     assert "1 of 2 that are not feasible as given are repaired" in done.stdout
     (folder,) = (path for path in (tmp_path / "audit" / "repaired").iterdir() if path.is_dir())
@@ -81,7 +83,7 @@ def test_a_hand_out_of_reach_is_led_back_and_the_pictures_stay(tmp_path, wrists)
     assert said["repaired"]["1"]["moved_m"] == pytest.approx(0.031, abs=0.005)
     assert said["left_out"] == [2]
 
-    again = wholebody("audit", str(folder), "--to", "again", "-j", "1", cwd=tmp_path)
+    again = inside("audit", str(folder), "--to", "again", "-j", "1")
     assert again.returncode == 0, again.stderr
     assert answers(tmp_path / "again") == [(0, "feasible"), (1, "feasible")]
     before, after = (LeRobotDataset("tests/x", root=root) for root in (made, folder))

@@ -11,7 +11,6 @@ import pyarrow.parquet
 import pytest
 
 from policy.suspicion.gaps import joint_gaps
-from tests.support.commands import wholebody
 from tests.support.other_forms import JOINT28, rows
 from tests.support.written_datasets import write_dataset
 
@@ -26,11 +25,11 @@ def episode():
     return {"action": action, "observation.state": state}
 
 
-def test_each_joint_has_its_offset_and_delay(tmp_path):
+def test_each_joint_has_its_offset_and_delay(inside, tmp_path):
     folder = write_dataset(
         tmp_path / "set", [episode()] * 2, {"action": JOINT28, "observation.state": JOINT28}, precision="float64"
     )
-    done = wholebody("audit", str(folder), "-j", "1", "--no-slower", "--to", str(tmp_path / "audit"))
+    done = inside("audit", str(folder), "-j", "1", "--no-slower", "--to", str(tmp_path / "audit"))
     assert done.returncode == 0, done.stderr
     assert "states beside actions in 2 of 2: 100 ms later in the median joint, left_elbow_joint off by +0.100" in (
         done.stdout

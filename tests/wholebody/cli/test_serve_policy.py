@@ -13,7 +13,6 @@ import pytest
 from policy.remote.client import RemotePolicy
 from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
-from wholebody.cli import main as cli
 from wholebody.cli.sources import length
 
 CODE = "from wholebody.cli.main import main; main()"
@@ -75,13 +74,11 @@ def test_a_policy_without_an_end_needs_a_duration():
     assert length(SimpleNamespace(duration=9.0), 0.0) == 9.0
 
 
-def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(monkeypatch, capsys):
+def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(inside, monkeypatch):
     monkeypatch.setattr(RemotePolicy, "connect", partial(RemotePolicy.connect, connect_timeout=0.3))
-    monkeypatch.setattr(sys, "argv", ["wholebody", "run", "ws://127.0.0.1:1"])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    assert "no server listens there; start the server" in capsys.readouterr().err
+    done = inside("run", "ws://127.0.0.1:1")
+    assert done.returncode == 2
+    assert "no server listens there; start the server" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -91,8 +88,8 @@ def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(monkeypatch,
         (("serve-policy", "wave", "--host", "256.0.0.1"), "wholebody: "),
     ],
 )
-def test_misuse_ends_with_a_sentence_and_code_2(arguments, complaint):
-    done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=1000, check=False)
+def test_misuse_ends_with_a_sentence_and_code_2(inside, arguments, complaint):
+    done = inside(*arguments)
     assert done.returncode == 2
     assert complaint in done.stderr
     assert "Traceback" not in done.stderr
