@@ -4,6 +4,7 @@
     python -m tests.studies.walks speeds 0 1
     python -m tests.studies.walks stops 0 20
     python -m tests.studies.walks pushes 0 8 --impulse 8
+    python -m tests.studies.walks pushes 0 24 --impulse 8 --speed "0.2 ahead"
     python -m tests.studies.walks grounds 0 1 --ground "2 cm" "friction 0.5"
 
 The numbers are those of seeds, of directions for pushes; the last line has medians and worst. The robot has 43 joints.
@@ -82,18 +83,25 @@ def stops(seeds, realistic, **_):
         yield f"stop {seed} of {velocity.way:.2f}, {velocity.turn:.2f}", result, stop
 
 
-def pushes(seeds, realistic, impulse, **_):
-    """Pushed for 0.1 s at the torso while stepping on the spot, in eight directions, 0 ahead, to the left first."""
-    for seed in seeds:
-        angle = 0.25 * np.pi * seed
-        force = 10.0 * impulse * np.array([np.cos(angle), np.sin(angle), 0.0])
+def pushes(seeds, realistic, impulse, speed, **_):
+    """Pushed for 0.1 s at the torso in eight directions, 0 ahead, to the left first: on the spot, or while walking.
 
-        def tell(one, time):
-            one.marches = time < 6.0
+    On the spot each direction comes 0.09 s later, and walking each round of them 0.25 s later.
+    """
+    for name in speed or [None]:
+        for seed in seeds:
+            angle, walks = 0.25 * np.pi * seed, name is not None
+            force = 10.0 * impulse * np.array([np.cos(angle), np.sin(angle), 0.0])
+            begin, stop = (START + 2.0 + 0.25 * (seed // 8), START + 4.5) if walks else (3.0 + 0.09 * seed, 6.0)
 
-        push = ("torso_link", force, 3.0 + 0.09 * seed, 0.1)
-        result = walk(tell, 6.0 + AFTER, seed=seed if realistic else None, pushes=[push])
-        yield f"push {impulse:g} N s at {45 * seed} deg", result, 6.0
+            def march(one, time):
+                one.marches = time < 6.0
+
+            push = ("torso_link", force, begin, 0.1)
+            tell = told(SPEEDS[name], stop) if walks else march
+            result = walk(tell, stop + AFTER, seed=seed if realistic else None, pushes=[push])
+            where = f"{name}, {begin:.2f} s" if walks else "on the spot"
+            yield f"push {impulse:g} N s at {45 * (seed % 8)} deg, {where}", result, stop
 
 
 def main():
@@ -103,7 +111,9 @@ def main():
     parser.add_argument("last", type=int)
     parser.add_argument("--realistic", action="store_true", help="seeds of realistic worlds, the state estimated")
     parser.add_argument("--impulse", type=float, default=8.0, help="of a push [N s]")
-    parser.add_argument("--speed", nargs="+", choices=SPEEDS, help="speeds to walk with; all if not given")
+    parser.add_argument(
+        "--speed", nargs="+", choices=SPEEDS, help="speeds to walk with; if not given all, pushes on the spot"
+    )
     parser.add_argument("--ground", nargs="+", choices=GROUNDS, help="grounds to walk on; all if not given")
     given = parser.parse_args()
     runs = {"spot": spot, "speeds": speeds, "stops": stops, "pushes": pushes, "grounds": grounds}[given.what]

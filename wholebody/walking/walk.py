@@ -45,6 +45,10 @@ without; definition."""
 WAITS, BETWEEN = 0.4, 0.015
 """Time for which both feet carry at most after a landing while the capture point, between them up to so much beside, is
 brought to its plan [s, m]; measured: pushed back by 10 N s on the spot, the robot fell from a foot lifted before."""
+OVER = (0.02, 0.01)
+"""Time after a landing from which the other foot may be lifted before its time, and how much further over the new sole
+the capture point is then than it is to be [s, m]; measured: pushed towards that sole just before it landed, the robot
+fell where the pressure went over from the old sole at its own pace, 4 of 4."""
 CALM = 0.025
 """Distance of the capture point from the middle of the feet, or from its plan after a shift, at which a robot may go on
 [m]; by trial: a realistic robot, whose masses are not as told, stays 15 mm beside it."""
@@ -131,7 +135,7 @@ class Walk(PlannedSteps):
         if self.state is Phase.STAND:
             return self.wanted
         if self._left > 0.0:
-            return False
+            return self.state is Phase.LAND and self._is_over_early(seen)
         if self.state is Phase.SWING and seen.touching is not None:
             return seen.touching[1 - self.stance] or self._left <= -LATE
         if TABLE[self.state].rests:
@@ -140,6 +144,14 @@ class Walk(PlannedSteps):
             return there and abs(seen.dcm - self._middle()) < calm
         late = self.caught or self._elapsed >= (WAITS if self.state is Phase.LAND else 2.0 * self.gait.shift)
         return late or self._may_leave(seen)
+
+    def _is_over_early(self, seen: WalkReadings) -> bool:
+        """Whether the capture point is over the new sole before its time: that one alone holds it best there."""
+        if self.caught or self._elapsed < OVER[0]:
+            return False
+        stance, out = self.soles[self.stance], 1.0 if self.stance == LEFT else -1.0
+        further = stance.seen(seen.dcm) - stance.seen(bounded(self._pieces()[1:], seen.omega))
+        return out * further.imag > OVER[1]
 
     def _may_leave(self, seen: WalkReadings) -> bool:
         """Whether a foot may be lifted: not while the pressure of both is to bring the capture point to its plan."""

@@ -10,6 +10,7 @@ import pytest
 from models import g1
 from models.pinocchio_model import stance_q
 from tests.support.walks import START, rms, walk
+from tests.support.wide import wide
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
@@ -87,6 +88,15 @@ def test_it_steps_on_the_spot_with_its_palms_in_world():
     assert one.errors.max() < 3e-3
     assert states[:4] == [Phase.STAND, Phase.SHIFT, Phase.SWING, Phase.LAND]
     assert states[-2:] == [Phase.SETTLE, Phase.STAND]
+
+
+@pytest.mark.parametrize("angle", [225.0, *wide(180.0, 315.0)])
+def test_one_that_is_pushed_towards_a_foot_that_lands_goes_on(angle):
+    """It fell: the pressure went over to that foot at the plan's pace, and the capture point was beyond it by then."""
+    push = 80.0 * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 0.0])
+    one = walk(told(Velocity(0.2 + 0j), START + 3.5), START + 6.5, pushes=[("torso_link", push, START + 2.5, 0.1)])
+    assert one.fell is None
+    assert one.stands
 
 
 def test_a_realistic_robot_steps_by_its_estimated_state():
