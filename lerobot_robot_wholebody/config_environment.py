@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 from lerobot.configs import FeatureType, PolicyFeature
@@ -78,6 +79,8 @@ class WholebodyEnvConfig(EnvConfig):
 
         made = [partial(_made, self.gym_kwargs)] * n_envs
         if use_async_envs and n_envs > 1:
+            # LeRobot is loaded once, and not by each of their processes.
+            get_context("forkserver").set_forkserver_preload([self.package_name])
             envs = AsyncVectorEnv(made, context="forkserver", autoreset_mode=AutoresetMode.SAME_STEP)
         else:
             envs = SyncVectorEnv(made, autoreset_mode=AutoresetMode.SAME_STEP)
