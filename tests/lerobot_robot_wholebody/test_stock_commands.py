@@ -1,6 +1,6 @@
 """Strategy: the commands at the top of `docs/lerobot.md`, as they stand there but shorter, in LeRobot's own processes:
-record, replay, train, evaluate, roll out until Ctrl-C; and a recording that is killed. After each the robot must
-crouch, not fallen.
+record, replay, train, evaluate, roll out until Ctrl-C; and a recording that is killed, which is started as it is typed.
+After each the robot must crouch, not fallen.
 
 Simulated time passes in lockstep, and whatever is waited for is an event: nothing depends on how fast the computer is.
 """
@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from models import g1
+from tests.support.stock_command import StockCommand
 from wholebody.errors import RenderError
 from wholebody.sim.cameras import DrawingProcess
 
@@ -45,7 +46,14 @@ def documented():
     return {line.split()[0]: shlex.split(line)[1:] for line in lines}
 
 
-def start(name, folder, *more, leave_out=()):
+def typed(words, folder, environment, said):
+    """A command as a shell starts it."""
+    with said.open("w") as file:
+        environment = {**os.environ, **environment}
+        return subprocess.Popen(words, cwd=folder, env=environment, stdout=file, stderr=subprocess.STDOUT)
+
+
+def start(name, folder, *more, leave_out=(), how=StockCommand):
     """A command of the page in a folder, with a report of the robot; what it says is in a file there."""
     given = [word for word in documented()[name] if not word.startswith(tuple(leave_out))]
     words = [BIN / name, *given, *shlex.split(SHORT[name]), *more]
@@ -54,10 +62,7 @@ def start(name, folder, *more, leave_out=()):
         words += ["--env.discover_packages_path=lerobot_robot_wholebody"]
     elif name != "lerobot-train":
         words += ["--robot.discover_packages_path=lerobot_robot_wholebody", f"--robot.report={folder / name}.json"]
-    home = {"HF_HOME": str(folder / "home"), "HF_LEROBOT_HOME": str(folder / "home"), "HF_HUB_OFFLINE": "1"}
-    environment = {**os.environ, **home, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    with (folder / f"{name}.log").open("w") as said:
-        return subprocess.Popen(words, cwd=folder, env=environment, stdout=said, stderr=subprocess.STDOUT)
+    return how(words, folder, {"PYTHONPATH": str(ROOT)}, folder / f"{name}.log")
 
 
 def said(name, folder):
@@ -95,6 +100,17 @@ def sees():
     except RenderError:
         return False
     return True
+
+
+@pytest.fixture(scope="module", autouse=True)
+def home(tmp_path_factory):
+    """Where LeRobot keeps what it keeps; known before it is loaded."""
+    folder = str(tmp_path_factory.mktemp("home"))
+    given = {"HF_HOME": folder, "HF_LEROBOT_HOME": folder, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
+    with pytest.MonkeyPatch.context() as patched:
+        for name, value in given.items():
+            patched.setenv(name, value)
+        yield
 
 
 def test_the_page_has_the_commands():
@@ -148,7 +164,9 @@ def _all_features_are_there(folder, sees):
 
 
 def test_a_recording_that_is_killed_leaves_a_robot_that_crouches(tmp_path):
-    command = start("lerobot-record", tmp_path, "--dataset.episode_time_s=1000", leave_out=["--robot.cameras"])
+    command = start(
+        "lerobot-record", tmp_path, "--dataset.episode_time_s=1000", leave_out=["--robot.cameras"], how=typed
+    )
     wait_for(lambda: "Recording episode 0" in said("lerobot-record", tmp_path), command)
     time.sleep(2.0)  # the middle of it
     command.send_signal(signal.SIGKILL)
