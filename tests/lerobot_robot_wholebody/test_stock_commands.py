@@ -72,7 +72,9 @@ def said(name, folder):
 def ended(name, folder, *more, **options):
     """Run a command of the page to its end."""
     command = start(name, folder, *more, **options)
-    assert command.wait(LONG) == 0, said(name, folder)[-3000:]
+    code = command.wait(LONG)
+    command.kill()
+    assert code == 0, said(name, folder)[-3000:]
 
 
 def wait_for(what, command, seconds=LONG):
@@ -117,7 +119,7 @@ def test_the_page_has_the_commands():
     assert list(documented()) == list(SHORT)
 
 
-def test_what_is_recorded_trains_rolls_out_and_is_replayed(sees, tmp_path):
+def test_what_is_recorded_trains_rolls_out_and_is_replayed(sees, tmp_path, request):
     blind = () if sees else ("--robot.cameras",)
     ended("lerobot-record", tmp_path, leave_out=blind)
     # A chunk is made where a target says something new, and at least every 0.13 s of the 2.5 s.
@@ -136,6 +138,7 @@ def test_what_is_recorded_trains_rolls_out_and_is_replayed(sees, tmp_path):
     assert len(told["overall"]["video_paths"]) == 2
 
     rollout = start("lerobot-rollout", tmp_path)
+    request.addfinalizer(rollout.kill)
     wait_for(lambda: "control loop started" in said("lerobot-rollout", tmp_path), rollout)
     time.sleep(2.0)  # the middle of it
     rollout.send_signal(signal.SIGINT)

@@ -37,6 +37,10 @@ class StockCommand:
         """Exit code, or None while it runs."""
         return self._process.exitcode
 
+    def kill(self):
+        """End it if it still runs, which whoever started it would wait for at its own end."""
+        self._process.kill()
+
     def send_signal(self, number):
         """Send it a signal."""
         os.kill(self._process.pid, number)
