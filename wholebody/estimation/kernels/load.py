@@ -31,9 +31,9 @@ from wholebody.robot.touch import FORCE, SHARE
 SPEED_FEIGNS, TURN_FEIGNS = 6.0, 1.5
 """Force that a palm's speed feigns [N s/m], and its turning [N s/rad]; measured: realistic robots on the lissajous and
 dances, whose arms have friction of 0.1 to 0.3 N m a joint that the model lacks."""
-FEIGNED_MAX, LEVEL_TIME = 1.5, 2.0
-"""Most of the mean torque of late that counts as feigned [N m], and the time constant of the mean [s]; measured
-likewise: of those robots it is 1 N m."""
+LEVEL_FEIGNS, FEIGNED_MAX, LEVEL_TIME = 1.5, 1.5, 2.0
+"""Multiple of the mean torque of late by which it may be exceeded [no unit], the most of that [N m], and the time
+constant of the mean [s]; measured likewise: of those robots it is 1 N m."""
 MOVED_FEIGNS, LATE_FEIGNS = 0.2, 3e-3
 """Share of the torques that accelerate an arm that masses which are not the model's feign [no unit], and how late
 torques may be told [s], which feigns as much as they change in that time; measured likewise: at 100 rad/s^2 and more,
@@ -95,7 +95,7 @@ def observe(
         memory.mass[h], memory.error[h] = ratio(residual, unit, torque_error)
         size = push(J, arm[h], at, pushed, memory.normal, memory.wrench[h])
         torque = torque_of(J, arm[h], at, memory.wrench[h])
-        feigns = min(memory.level[h], FEIGNED_MAX) + MOVED_FEIGNS * length(moved)
+        feigns = min(LEVEL_FEIGNS * memory.level[h], FEIGNED_MAX) + MOVED_FEIGNS * length(moved)
         feigns += LATE_FEIGNS * length(changes)
         lever = max(torque / max(size, 1e-9), LEVER_MIN)
         memory.size[h] = size - feigns / lever - feigned(tick.frame_V[PALM_FRAME + h])
