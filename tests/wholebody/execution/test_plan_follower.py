@@ -82,13 +82,14 @@ class Specification:
         row = self.body(motion).pack()
         safety, names = self.supervisor.config.safety, self.supervisor.robot.joint_names
         shares = np.array([0.0 if "_hand_" in x else 1.0 / 3.0 if "_wrist_" in x else 1.0 for x in names])
-        off = np.linalg.norm(
-            self.supervisor.controller.palm_positions() - row[[9, 10, 11, 33, 34, 35]].reshape(2, 3), axis=1
-        )
-        for side, share in zip(("left", "right"), np.clip((off - 0.02) / 0.02, 0.0, 1.0), strict=True):
-            arms = [f"{side}_{part}" in x for x in names for part in ("shoulder", "elbow", "wrist")]
-            shares[np.reshape(arms, (-1, 3)).any(axis=1)] *= share
-        distance = np.max(shares * np.abs(q[7:] - row[96:139]))
+        distances, arms = shares * np.abs(q[7:] - row[96:139]), np.zeros((2, len(names)), dtype=bool)
+        for arm, tool in zip(arms, SPEC.tools, strict=True):
+            arm[self.supervisor.robot.joint_indices(self.supervisor.robot.arm_joints(tool.side))] = True
+        distance = np.max(distances[~arms.any(axis=0)])
+        body = 2.0 * distance / safety.posture_slow - 1.0
+        for arm, at, palm in zip(arms, (9, 33), self.supervisor.controller.palm_positions(), strict=True):
+            counts = np.clip(max(50.0 * np.linalg.norm(palm - row[at : at + 3]) - 1.0, body), 0.0, 1.0)
+            distance = max(distance, counts * np.max(distances[arm]))
         share = (safety.posture_stop - distance) / (safety.posture_stop - safety.posture_slow)
         return row, np.clip(share, 1e-3, 1.0)
 

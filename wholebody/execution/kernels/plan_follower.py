@@ -282,14 +282,23 @@ def trust(settings: np.record, q: Vector, row: Vector, body: Body, palms: Matrix
     """Factor on the weights of the hands, 0 to 1: less where the body has left its plan.
 
     An arm whose palm is where it is commanded makes up for the trunk, and a stretched one bends far for that: its
-    joints count as far as its palm is off.
+    joints count as far as its palm is off, or legs and waist are, as those of a robot that falls around its hands.
     """
-    left, right, distance = off_place(row, palms, 0), off_place(row, palms, 1), 0.0
-    for j in range(body.weights.shape[0]):
-        share = left if body.sides[j] == 0 else right if body.sides[j] == 1 else 1.0
-        distance = max(distance, share * body.weights[j] * abs(q[7 + j] - row[POSTURE + j]))
+    distance = furthest(q, row, body, 2)
+    off = min(max(2.0 * distance / settings.posture_slow - 1.0, 0.0), 1.0)
+    for hand in range(2):
+        distance = max(distance, max(off_place(row, palms, hand), off) * furthest(q, row, body, hand))
     room = (settings.posture_stop - distance) / (settings.posture_stop - settings.posture_slow)
     return min(max(room, TRUST_MIN), 1.0)
+
+
+def furthest(q: Vector, row: Vector, body: Body, side: int) -> float:
+    """Distance of the furthest joint of a side from its plan, as it counts [rad]."""
+    distance = 0.0
+    for j in range(body.weights.shape[0]):
+        if body.sides[j] == side:
+            distance = max(distance, body.weights[j] * abs(q[7 + j] - row[POSTURE + j]))
+    return distance
 
 
 def off_place(row: Vector, palms: Matrix, hand: int) -> float:
