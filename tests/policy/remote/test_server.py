@@ -218,7 +218,7 @@ def test_a_robot_whose_network_broke_makes_room_for_the_next(monkeypatch):
         deaf = raw(server)
         # Its socket stays open, but nothing is read from it any longer, so no ping is answered.
         deaf.recv_flow_control.acquire()
-        deaf.ping()
+        assert deaf.ping().wait(LONG)
         try:
             assert connect(server).infer(seen()).seq == 0
         finally:
