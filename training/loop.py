@@ -143,8 +143,8 @@ def train(steps: Steps, data: Path, count: int, batch: int, seed: int) -> Path:
         shutil.rmtree(out, ignore_errors=True)
         policy = {f"policy__{name}": value for name, value in ACT.items()}
         steps.run(
-            "train", "lerobot-train", threads=CORES, dataset__repo_id="loop/data", dataset__root=data, output_dir=out,
-            steps=count,
+            "train", "lerobot-train", threads=CORES,
+            dataset__repo_id="loop/data", dataset__root=data, output_dir=out, steps=count,
             batch_size=batch, num_workers=1, save_freq=count, log_freq=200, env_eval_freq=0, seed=seed,
             use_policy_training_preset="false", optimizer__type="adamw", optimizer__lr=RATE,
             optimizer__weight_decay=0.01, scheduler__type="cosine_decay_with_warmup", scheduler__num_warmup_steps=50,
