@@ -3,6 +3,7 @@
 import json
 import re
 import runpy
+import shlex
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ def typed(text, program):
     """Lines of code blocks and code spans that call a program, comments left out."""
     spans = re.findall(r"```sh\n(.*?)```|`([^`\n]+)`", text, re.DOTALL)
     lines = "\n".join(block or span for block, span in spans).splitlines()
-    return [line.partition("#")[0].split() for line in lines if line.startswith(f"{program} ")]
+    return [shlex.split(line, comments=True) for line in lines if line.startswith(f"{program} ")]
 
 
 def test_the_ten_line_program_runs_and_the_robot_stands(capsys):
