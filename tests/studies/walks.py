@@ -123,10 +123,13 @@ def main():
         off = 1e3 * one.errors[250:]
         row = (rms(off), off.max(), off[-1], one.stopped - stop, one.made)
         found.append((one.fell is not None, one.stands, *row))
+        drift = "; the base was estimated {:.1f} mm off, {:.1f} as told".format(*(1e3 * np.array(one.drift)))
         end = f"fell at {one.fell:.2f} s" if one.fell is not None else "stands" if one.stands else "steps on"
         print(
             f"{name}: {end}; palms {row[0]:.2f} mm RMS, {row[1]:.1f} at most, {row[2]:.2f} at the end; stood after "
-            f"{row[3]:.2f} s; {one.made} steps; {one.load:.0f} N; {one.missed} ticks not whole",
+            f"{row[3]:.2f} s; {one.made} steps; {one.load:.0f} N; {one.missed} ticks not whole"
+            + drift
+            * given.realistic,
             flush=True,
         )
     fell, stands, root, most, last, after, _ = np.array(found, dtype=float).T

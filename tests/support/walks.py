@@ -43,6 +43,8 @@ class Walked:
         base: The base that it followed; soles: where they are.
         missed: Ticks without an answer of the whole program.
         load: Largest force of the floor [N].
+        drift: How far the estimated place of the base has gone from the true one, and how far by its covariance, a
+            standard deviation [m]; zeros where the state is true.
     """
 
     fell: float | None
@@ -55,6 +57,7 @@ class Walked:
     missed: int
     load: float
     heading: float
+    drift: tuple[float, float]
 
 
 def worlds(seed, spec, ground=None):
@@ -106,6 +109,7 @@ def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, tim
     for body, force, start, duration in pushes:
         plant.push(body, np.array(force), start=start, duration=duration)
     robot, errors, missed, load, stopped = controller.robot, [], 0, 0.0, np.inf
+    begin = measured.q[:3] - state.q[:3]
     fell, stands = None, None
     while state.time < seconds - 1e-9:
         if state.time >= START:
@@ -130,7 +134,8 @@ def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, tim
             fell = state.time
             break
     middle = plant.soles()[:, :2].mean(axis=0)
-    one = walker.walk
+    one, drift = walker.walk, float(np.linalg.norm(measured.q[:3] - state.q[:3] - begin))
+    sure = 0.0 if sensors is None else float(np.sqrt(np.trace(measured.covariance[6:, 6:])))
     return Walked(
         fell,
         np.array(errors),
@@ -142,6 +147,7 @@ def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, tim
         missed,
         load,
         one.guide.place.heading,
+        (drift, sure),
     )
 
 

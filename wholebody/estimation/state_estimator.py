@@ -191,14 +191,15 @@ def _memory(joints: int) -> Packed:
 
     ``x`` is position [m] and orientation of the IMU in world, ``v`` its velocity, ``d`` are the soles; ``P`` is the
     covariance of the filter's error ``xi``. ``lean`` is the mean difference of the soles' normal and the IMU's vertical
-    [rad], ``looked`` the time in it [s]. ``h`` are the soles from the IMU in the axes of the base. Constant are what
-    stands in ``table`` to ``first`` and the integers but ``stands`` and ``may_stand``; the rest is for the arithmetic.
+    [rad], ``looked`` the time in it [s]; ``landings`` are feet that were set down. ``h`` are the soles from the IMU in
+    the axes of the base. Constant are what stands in ``table`` to ``first`` and the integers but ``stands`` and
+    ``may_stand``; the rest is for the arithmetic.
     """
     bodies = 1 + joints
     constant = {"table": (bodies, BODY), "sole": (2, 3), "imu": (3,), "gravity": (3,), "noise": (7,)}
     constant |= {"variance": (2,), "first": (SIZE,), "press_min": (), "level_share": ()}
     kept = {"x": (7,), "v": (3,), "d": (2, 3), "gyro_bias": (3,), "acc_bias": (3,), "P": (SIZE, SIZE), "pressed": (2,)}
-    kept |= {"lean": (2,), "looked": ()}
+    kept |= {"lean": (2,), "looked": (), "landings": ()}
     body = {"R": (bodies, 3, 3), "p": (bodies, 3), "S": (5 + bodies, 6), "angles": (6 + bodies,), "h": (2, 3)}
     body |= {"J": (6, 6), "force": (6,), "wrench": (2, 6), "place": (3,)}
     work = {"gyro": (3,), "felt": (3,), "Rw": (3, 3), "Ri": (3, 3), "Re": (3, 3), "E": (7,), "B": (15, 3)}

@@ -13,10 +13,14 @@ from models import g1
 from models.pinocchio_model import load_pinocchio, stance_q
 from wholebody.errors import InputError
 from wholebody.estimation.kernels import invariant_filter as kernel
+from wholebody.estimation.kernels.estimate import STEP_DRIFT
+from wholebody.estimation.kernels.invariant_filter import PLACE
 from wholebody.estimation.readings import Readings
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.posture import path_to, solve
+from wholebody.robot.contact_schedule import Contacts, ContactSchedule
+from wholebody.robot.feet import Feet
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState, check_state
 
@@ -182,6 +186,22 @@ def test_a_foot_that_carries_nothing_is_not_stood_on_and_moves_nothing_when_it_m
         q[hip] -= 0.003
         moved = estimator.estimate(still(0.002 * k, q=q, tau=tau))
     np.testing.assert_allclose(moved.q[:7], seen.q[:7], atol=1e-3)
+
+
+def test_a_foot_that_is_set_down_adds_what_encoders_that_are_off_make_of_a_step():
+    """What stays wrong adds up from step to step, where noise would by its square root."""
+    estimator, sure = StateEstimator(SPEC), []
+    both, left = (Contacts(Feet.of([pin.SE3.Identity()] * 2), load) for load in ((1.0, 1.0), (1.0, 0.0)))
+    for k in range(1001):
+        estimator.expect(ContactSchedule((left if k % 50 >= 25 else both,)))
+        seen = estimator.estimate(still(0.002 * k))
+        if k % 250 == 0:
+            sure.append(np.sqrt(seen.covariance[PLACE, PLACE]))
+    for landings, one in zip((10, 15, 20), sure[2:], strict=True):
+        assert one == pytest.approx(landings * STEP_DRIFT, rel=0.1)
+    np.testing.assert_allclose(seen.q, standing().q, atol=1e-6)
+    anew = estimator.estimate(still(3.0)).covariance
+    assert np.sqrt(anew[PLACE, PLACE]) == pytest.approx(sure[0])
 
 
 def test_readings_that_are_not_newer_change_nothing_and_after_a_gap_it_begins_anew():

@@ -107,6 +107,8 @@ def test_a_realistic_robot_steps_by_its_estimated_state():
     assert one.fell is None
     assert one.made >= 3
     assert one.errors.max() < 0.015
+    drift, sure = one.drift
+    assert drift < 2.0 * sure < 0.02
 
 
 def test_a_walker_that_ends_leaves_the_weights_of_standing():
