@@ -52,7 +52,8 @@ class ActionChunk:
         force_max: Largest force with which left and right hand push, shape (H, 2), [N]; the controller's if None.
         stiffness: Of each hand while it touches, shape (H, 2), [N/m]; the controller's if None.
         hands_in: Frame in which the layout has the hands, a `policy.action_spec.slot.Frame`, or ``soles`` where its
-            legs put the pelvis over these: a robot that walks with the chunk's `base_velocity` carries them in it.
+            legs put the pelvis over these: a robot that walks meanwhile carries them in it. Poses that a program makes
+            in world stay there.
         notes: What decoding changed, one sentence each (values clipped to the spec's limits).
     """
 
@@ -74,7 +75,7 @@ class ActionChunk:
     f_world_rpalm: np.ndarray | None = None
     force_max: np.ndarray | None = None
     stiffness: np.ndarray | None = None
-    hands_in: str = "pelvis"
+    hands_in: str = "world"
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:

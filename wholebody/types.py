@@ -148,7 +148,7 @@ class Reason(StrEnum):
     LOWERING = "lowering", Status.HOLD, "the robot goes into its crouch, as it was asked to"
     LOWERED = "lowered", Status.HOLD, "the robot crouches on stiff legs: the last command may be kept, for ever"
     RAISING = "raising", Status.HOLD, "the robot stands up from its crouch, as it was asked to"
-    WALKING = "walking", Status.HOLD, "the robot walks, as it was told to: hands are carried along, chunks wait"
+    WALKING = "walking", Status.HOLD, "the robot walks, as told: hands follow a chunk that a walk can, others wait"
     WALK_REFUSED = "walk_refused", Status.HOLD, "the robot was told to walk, and does not: what would do is said"
     CHUNK_INVALID = "chunk_invalid", Status.HOLD, "a chunk is malformed, not finite, or comes out of order"
     CHUNK_STALE = "chunk_stale", Status.HOLD, "a chunk was over, or its observation too old, when it came"

@@ -85,8 +85,7 @@ def observation_from_map(data: Mapping[str, Any], robot: RobotSpec | None = None
 def chunk_to_map(chunk: ActionChunk) -> dict[str, Any]:
     """Entries of a chunk; optional parts only where they are there."""
     plain = {name: kind(getattr(chunk, name)) for name, kind in _CHUNK_PLAIN.items()}
-    # Only a robot that walks with it asks where its hands are given, and older readers know no such entry.
-    where = {} if chunk.base_velocity is None or chunk.hands_in == "pelvis" else {"hands_in": chunk.hands_in}
+    where = {} if chunk.hands_in == "world" else {"hands_in": chunk.hands_in}
     return {**plain, **chunk.arrays(), **where, "notes": list(chunk.notes)}
 
 

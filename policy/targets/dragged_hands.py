@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,4 +102,5 @@ class DraggedHands:
         motion = ScriptedMotion(
             left[:, :3, 3], right[:, :3, 3], left[:, :3, :3], right[:, :3, :3], stance.q_lhand, stance.q_rhand
         )
-        return to_chunk(motion, self.spec.id, self._seq, time, FPS, horizon, robot=self.spec.robot)
+        chunk = to_chunk(motion, self.spec.id, self._seq, time, FPS, horizon, robot=self.spec.robot)
+        return replace(chunk, hands_in="stance")  # a person who has the robot walk takes the hands along

@@ -1,7 +1,7 @@
 """Hostile chunks that say a base velocity: families of hands, frames that they are in, and velocities, by the seed.
 
-Beside those: hands that are just such as a robot that steps is led with, at the edge of what
-`wholebody.execution.feet.hands_of_walks` allows.
+The velocity is the chunks' own, or somebody else tells it. Beside those: hands that are just such as a robot that steps
+is led with, at the edge of what `wholebody.execution.feet.hands_of_walks` allows.
 """
 
 from dataclasses import dataclass, replace
@@ -30,6 +30,8 @@ SHOULDER, ARM = np.array([0.0, 0.1, 0.29]), 0.41
 """Of a G1 about its pelvis, and what `hands_of_walks` takes for the length of an arm [m]."""
 FIRST, APART, CHUNKS = 0.2, 1.0, 4
 """Time of the first chunk, from one to the next [s], and how many come."""
+AGAIN = 0.5
+"""Time after which somebody else tells the velocity again [s]."""
 
 
 @dataclass
@@ -79,7 +81,7 @@ def wrist_at_edge(rng, edge):
             return p
 
 
-def edge_walk(supervisor, plant, seed, until=6.5):
+def edge_walk(supervisor, plant, seed, until=6.5, *, rides=False):
     """Lead a robot by hands just inside the bounds until a time [s], or a fall; there are new ones each second."""
     edge, velocity = EDGES[seed % len(EDGES)], VELOCITIES[seed // len(EDGES) % len(VELOCITIES)]
     stance = stance_pose()
@@ -93,10 +95,10 @@ def edge_walk(supervisor, plant, seed, until=6.5):
         fingers = [np.tile(q, (hostile_chunks.STEPS, 1)) for q in (stance.q_lhand, stance.q_rhand)]
         return ActionChunk("wbc32", seq, time, hostile_chunks.FPS, T[0], T[1], *fingers)
 
-    return walked(supervisor, plant, np.random.default_rng((7, seed)), chunk, (edge, "pelvis", velocity), until)
+    return walked(supervisor, plant, np.random.default_rng((7, seed)), chunk, (edge, "pelvis", velocity), until, rides)
 
 
-def hostile_walk(supervisor, plant, seed, until=6.5):
+def hostile_walk(supervisor, plant, seed, until=6.5, *, rides=False):
     """Lead a robot by the chunks of a seed until a time [s], or a fall."""
     n, m = len(KINDS), len(FRAMES)
     kind, frame, velocity = (
@@ -108,26 +110,30 @@ def hostile_walk(supervisor, plant, seed, until=6.5):
     def chunk(rng, seq, time):
         return hostile_chunks.hostile_chunk(kind, rng, seq, time)
 
-    return walked(supervisor, plant, np.random.default_rng(seed), chunk, (kind, frame, velocity), until)
+    return walked(supervisor, plant, np.random.default_rng(seed), chunk, (kind, frame, velocity), until, rides)
 
 
-def walked(supervisor, plant, rng, made, case, until):
+def walked(supervisor, plant, rng, made, case, until, rides):
     """Lead a robot by chunks of a kind, a frame and a velocity until a time [s], or a fall.
 
     Args:
         made: Makes a chunk of a generator, its number and the time of its observation.
         case: Kind, frame and velocity.
+        rides: Whether somebody else tells the velocity, as long as chunks come.
     """
     kind, frame, velocity = case
     state, dt = plant.reset(), plant.control_dt
     supervisor.reset(state)
-    fall, walked, reasons, off, sent = None, 0.0, {}, 0.0, 0
+    fall, walked, reasons, off, sent, due = None, 0.0, {}, 0.0, 0, FIRST + AGAIN
     while state.time < until and fall is None:
         if sent < CHUNKS and state.time >= FIRST + sent * APART - 1e-9:
             chunk = made(rng, sent, state.time)
-            speeds = np.tile(velocity, (len(chunk), 1))
+            speeds = None if rides else np.tile(velocity, (len(chunk), 1))
             supervisor.accept(replace(chunk, base_velocity=speeds, hands_in=frame))
             sent += 1
+        if rides and due <= state.time < FIRST + CHUNKS * APART:
+            supervisor.walk(velocity)
+            due += AGAIN
         state = plant.step(supervisor.step(state))
         if supervisor.state is State.WALKING:
             walked += dt

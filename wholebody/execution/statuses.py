@@ -46,6 +46,7 @@ LOWERED = StatusReport(
     Status.HOLD, Reason.LOWERED, "the robot crouches on stiff legs: the last command may be kept; `raise_` ends it"
 )
 RAISING = StatusReport(Status.HOLD, Reason.RAISING, "the robot stands up")
+RIDING = StatusReport(Status.TRACKING, Reason.WALKING, "the robot walks, its hands along the chunk's own paths")
 RISING = StatusReport(Status.HOLD, Reason.WALKING, "the robot goes to its stance, from where it walks")
 WALKING = StatusReport(Status.HOLD, Reason.WALKING, "the robot walks; chunks are planned once it stands")
 RECOVERING = StatusReport(

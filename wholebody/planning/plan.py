@@ -72,9 +72,8 @@ class PlanReport:
         return max((float(change.moved[k]) for change in self.changes.values()), default=0.0)
 
     def _knot(self, s: float) -> int:
-        """The knot nearest to a path parameter [s]."""
-        step = self.steps[1] - self.steps[0] if len(self.steps) > 1 else 1.0
-        return min(max(round((s - self.steps[0]) / step), 0), len(self.steps) - 1)
+        """The knot nearest to a path parameter [s], the last where some are as near: the first may have one time."""
+        return len(self.steps) - 1 - int(np.abs(self.steps[::-1] - s).argmin())
 
     def quicker(self, other: PlanReport) -> bool:
         """Whether this plan is balanced and quicker than another one."""

@@ -76,10 +76,11 @@ class Commands(statuses.Following):
         return here.point.real, here.point.imag, here.heading
 
     def walk_to(self, base: Sequence[float]) -> StatusReport:
-        """Walk to a base, hands where they are about the robot: x, y [m] and heading [rad] midway between the soles.
+        """Walk to a base: x, y [m] and heading [rad] midway between the soles.
 
-        The chunk that was followed is brought to rest; it, or a newer one, is planned again once the robot stands
-        there. Told again, the newest goal counts.
+        Hands go on along their chunks, as long as they are such as a walk can have; else they are held where they are
+        about the robot. What is not over then is planned once the robot stands there. Told again, the newest goal
+        counts.
 
         Returns:
             ``walking``, or ``walk_refused`` with the reason: then nothing changes.
@@ -111,7 +112,7 @@ class Commands(statuses.Following):
     def walks(self) -> bool:
         """Whether the base velocity of the newest chunk is followed, now or once it is due."""
         self._following()
-        return self._stepping.led is not None
+        return self._stepping.led is not None and not self._stepping.led.rides
 
     @property
     def not_led(self) -> str | None:
@@ -154,8 +155,11 @@ class Commands(statuses.Following):
 
     def _look_at_feet(self, state: RobotState, now: float, blind: bool) -> Stepping:
         """Notice what a state, now [s], means for a walk; it leads the robot instead of a plan."""
+        begins = self._stepping.begins
         if self._stepping.look(state, now, blind):
             self._stood()
+        if begins and not self._stepping.begins and self._newest is not None and self._newest.end > now:
+            self._walks_with(self._newest)
         if not self._stepping.coming:
             self._walk_along()
         if self._stepping.active:

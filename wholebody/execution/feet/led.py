@@ -1,4 +1,4 @@
-"""A chunk that says how the base is to move: its velocity is walked, and its hands go with the base or stay in world.
+"""A chunk that hands follow while the robot steps: with the base or in world, and as fast as it says, or is told.
 
 A layout in pelvis, torso or stance says where hands are about a robot that moves on; one in world says it of the room.
 The first kind was anchored where that frame was at the observation, in the midst of a step that tilts and sways: hands
@@ -58,13 +58,14 @@ class StateLog:
 
 
 class LedChunk:
-    """A chunk with a base velocity.
+    """A chunk that leads the hands of a walk, and the base by its velocity unless somebody else tells where to walk.
 
     Args:
         chunk: The chunk.
         T_seen: Its hands' frame in world at its observation, shape (4, 4).
         now: Present time [s].
         seen_low: Whether the robot walked then, and so had its pelvis lower than as it stands.
+        rides: Whether somebody else tells where to walk.
 
     Attributes:
         height: Of that frame [m].
@@ -72,9 +73,11 @@ class LedChunk:
         T_base_frame: That frame about a base that walks, or stands, without sway, shape (4, 4).
     """
 
-    def __init__(self, chunk: ActionChunk, T_seen: np.ndarray, now: float, *, seen_low: bool = False) -> None:
+    def __init__(
+        self, chunk: ActionChunk, T_seen: np.ndarray, now: float, *, seen_low: bool = False, rides: bool = False
+    ) -> None:
         self.chunk, self._T_frame_seen, self.T_base_frame = chunk, inverse(T_seen), np.eye(4)
-        self.height, self.seen_low = float(T_seen[2, 3]), seen_low
+        self.height, self.seen_low, self.rides = float(T_seen[2, 3]), seen_low, rides
         steps, still = np.arange(len(chunk)) / chunk.fps, np.zeros((len(chunk), 2))
         self.report = PlanReport(np.maximum(steps, now - chunk.t_obs), still, 1.0, still[:, 0])
 
@@ -86,7 +89,7 @@ class LedChunk:
     def velocity(self, now: float) -> Velocity:
         """Velocity of the base at a time [s], as far as it is walked; at rest past the end of the chunk."""
         k = max(int((now - self.chunk.t_obs) * self.chunk.fps + 1e-6), 0)
-        if k >= len(self.chunk) or not moves(self.chunk.base_velocity[k]):
+        if self.rides or k >= len(self.chunk) or not moves(self.chunk.base_velocity[k]):
             return Velocity()
         return velocity(self.chunk.base_velocity[k])
 

@@ -1,4 +1,4 @@
-"""A walk that a chunk leads: when it does, and its hands meanwhile."""
+"""A chunk that leads a walk, or the hands of one that somebody else tells where to go: when it does."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandLimits, ReferenceSmoother
 from wholebody.types import Reason, RobotState, Status, StatusReport
+from wholebody.walking.gait import Phase
 from wholebody.walking.places import Place, Velocity
 
 CALM = (0.4, 0.2, 0.2)
@@ -42,7 +43,7 @@ TAKEN_UP = 0.5
 
 
 class LedWalk(ABC):
-    """The part of `wholebody.execution.feet.stepping.Stepping` that a chunk with a base velocity leads."""
+    """The part of `wholebody.execution.feet.stepping.Stepping` that a chunk leads."""
 
     led: LedChunk | None
     status: StatusReport
@@ -55,6 +56,7 @@ class LedWalk(ABC):
     _trusts: np.ndarray
     _room: float
     _gave_up: bool
+    _is_told: bool
     _controller: Controller
     _config: ControllerConfig
     _planted: PlantedFeet
@@ -71,25 +73,31 @@ class LedWalk(ABC):
         """Why no walk can be begun or changed now; None if one can."""
 
     @abstractmethod
+    def _tell(self) -> None:
+        """Hand what is wanted to the walk."""
+
+    @abstractmethod
     def stop(self) -> None:
         """Come to a stand, within three steps."""
 
     def take(self, chunk: ActionChunk, state: RobotState, now: float, *, may: bool) -> None:
         """Note a chunk that says how the base is to move, or that the newest one does not; ``may``: walk with it.
 
-        One that says so while the robot walks with another one is walked with, whatever it says.
+        One that says so while the robot walks with another one is walked with, whatever it says. The hands of one that
+        does not ride along where somebody else tells where to walk.
         """
         before, self.led, self.not_led = self.led, None, None
         self._gave_up = self._gave_up and self.active
-        may = may and not self._gave_up
+        may = may and not self._gave_up and self.refusal() is None
+        rides = self.active and self._is_told and not self.begins and not asks_to_walk(chunk)
         goes_on = self.active and before is not None and chunk.base_velocity is not None
-        if may and (goes_on or asks_to_walk(chunk)) and self.refusal() is None:
+        if may and (rides or goes_on or asks_to_walk(chunk)):
             q = self._log.at(chunk.t_obs) if self.active else None
             T = seen_frame(chunk.hands_in, self._anchor(state.q if q is None else q))
             low = self.active and self._log.covers(chunk.t_obs - self._walker.gait.shift)
-            self.led = self._followable(LedChunk(chunk, T, now, seen_low=low))
+            self.led = self._followable(LedChunk(chunk, T, now, seen_low=low, rides=rides))
         if self.led is None and before is not None and self.active:
-            self.stop()
+            self._let_be() if self._is_told else self.stop()
 
     def _followable(self, led: LedChunk) -> LedChunk | None:
         """A chunk that leads the base, if its hands are such as a robot that steps can follow, None if not."""
@@ -97,8 +105,27 @@ class LedWalk(ABC):
         here = self._walker.walk.guide.place if self.active else self.base
         height = self._walker.pelvis_height if self.active else float(self._planted.stance[2])
         pelvis = planar(here) @ self._pelvis_in_base(height)
-        self.not_led = self._hands.why_not(led.carried(here), pelvis, self._calm)
-        return led if self.not_led is None else None
+        fault = self._hands.why_not(led.carried(here), pelvis, self._calm)
+        self.not_led = None if led.rides else fault
+        return led if fault is None else None
+
+    @property
+    def begins(self) -> bool:
+        """Whether a walk shifts the weight before its first step: hands come to rest, and ride along from there on."""
+        walk = self._walker.walk if self.active and self._walker is not None else None
+        return walk is not None and walk.made == 0 and walk.state in (Phase.STAND, Phase.SHIFT)
+
+    def _look_at_riding(self) -> None:
+        """Let hands be that ride along in world once the base has gone too far from them."""
+        here = planar(self._walker.walk.guide.place) @ self._pelvis_in_base(self._walker.pelvis_height)
+        if self.led.in_world and self._hands.why_not_there(self._smoother.motion.p[:, None], here) is not None:
+            self._let_be()
+
+    def _let_be(self) -> None:
+        """Follow no chunk's hands while somebody else tells where to walk: they are held about the base."""
+        self.led = None
+        self._hold_hands()
+        self._tell()
 
     def due(self, now: float) -> bool:
         """Whether the chunk that leads the base asks for a walk now [s], or goes on with one."""
@@ -120,9 +147,9 @@ class LedWalk(ABC):
 
     def stood(self, newest: ActionChunk | None) -> ActionChunk | None:
         """The newest chunk, or what it is about a base that has come to a stand, if it led that."""
-        if self.led is None or newest is not self.led.chunk:
-            return newest
-        return self.led.carried(self.base)
+        led = self.led
+        self.led = None if led is not None and led.rides else led
+        return newest if led is None or newest is not led.chunk else led.carried(self.base)
 
     def _lead_hands(self, state: RobotState, now: float) -> None:
         """Lead the hands along the chunk's own paths, from what they do now [s]."""
@@ -155,16 +182,21 @@ class LedWalk(ABC):
             self.status = self._status(now, float(self._trusts.min()))
 
     def _give_up(self) -> None:
-        """Come to a stand, hands where they are: from there they are planned with all of the body."""
-        walker = self._walker
-        walker.in_world, walker.low, self.led, self._gave_up = False, True, None, True
-        self._hold_hands()
+        """Come to a stand, unless somebody else tells where to walk, hands where they are.
+
+        From there they are planned with all of the body.
+        """
+        rides, self._walker.low, self._gave_up = self.led.rides, True, True
+        self._let_be()
+        if rides:
+            return
         self.stop()
         self.status = statuses.HANDS_YIELD
 
     def _hold_hands(self) -> None:
         """Hold the hands where they are about the base, the trunk upright."""
         robot, walker = self._controller.robot, self._walker
+        walker.in_world = False
         here = walker.walk.guide.place
         rows = hands_carried(standing.hands_at_rest(robot, robot.q.copy()), here, walker.base)
         self._smoother.reset(rows)

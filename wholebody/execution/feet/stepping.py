@@ -22,7 +22,7 @@ from wholebody.execution.feet.led_walk import TAKEN_UP, LedWalk, calm
 from wholebody.execution.feet.loss import Loss
 from wholebody.execution.feet.ready_to_walk import ReadyToWalk
 from wholebody.execution.feet.walker import Walker
-from wholebody.execution.feet.wanted import refused
+from wholebody.execution.feet.wanted import in_words, refused
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
@@ -67,7 +67,8 @@ class Stepping(LedWalk):
         status: What a person sees of it then.
         beyond: Ends of a chunk that was out of reach from everywhere, shape (2, 4, 4), or None.
         then: Whether the robot is to be lowered once it stands, or raised; None if neither.
-        led: The chunk whose base velocity is walked, from when it asks for one on; None where there is none.
+        led: The chunk whose base velocity is walked, from when it asks for one on, or whose hands are followed while
+            somebody else tells where to walk; None where there is none.
     """
 
     def __init__(
@@ -86,7 +87,8 @@ class Stepping(LedWalk):
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
         self._until, self._trust, self._loss = -inf, 1.0, Loss(controller)
-        self._calm, self._log, self.led, self._gave_up = calm(limits), StateLog(config.dt), None, False
+        self._calm, self._log, self.led = calm(limits), StateLog(config.dt), None
+        self._gave_up = self._is_told = False
         self._hands, self.not_led = HandsOfWalks(controller.robot, planted.stance), None
         self.beyond: np.ndarray | None = None
         self._ready = ReadyToWalk(controller.robot, planted.stance, self._hands)
@@ -128,8 +130,9 @@ class Stepping(LedWalk):
         return Place(complex(x, y), heading)
 
     def walk(self, wanted: Place | Velocity, state: RobotState, now: float) -> StatusReport:
-        """Go to a goal, or follow a velocity, from the present state on, now [s]."""
-        self.led, self._wanted = None, wanted
+        """Go to a goal, or follow a velocity, from the present state on, now [s]; hands that ride along go on."""
+        self.led = self.led if self.led is not None and self.led.rides else None
+        self._wanted, self._is_told = wanted, True
         self._until = now + LASTS if isinstance(wanted, Velocity) else inf
         return self._go(state, now)
 
@@ -142,7 +145,8 @@ class Stepping(LedWalk):
 
     def go_along(self, state: RobotState, now: float) -> StatusReport:
         """Walk as the chunk says, its hands along its own paths, from the present state on, now [s]."""
-        self._wanted, self._until = self.led.velocity(now), inf
+        if not self.led.rides:
+            self._wanted, self._until, self._is_told = self.led.velocity(now), inf, False
         if self.active:
             self._lead_hands(state, now)
         return self._go(state, now)
@@ -178,16 +182,13 @@ class Stepping(LedWalk):
         """Hand what is wanted to the walk."""
         guide, wanted = self._walker.walk.guide, self._wanted
         guide.follow(wanted) if isinstance(wanted, Velocity) else guide.go_to(wanted)
-        if self.led is not None:
-            x, y, turn = wanted.way.real, wanted.way.imag, wanted.turn
-            speed = "to a stand" if wanted.is_rest else f"({x:.2f}, {y:.2f}) m/s, {turn:.2f} rad/s"
-            self._walks = replace(statuses.TRACKING, detail=f"the robot walks as its chunk says: {speed}")
-            self.status = self._walks
-            return
-        aim = "as it is led"
-        if isinstance(wanted, Place):
-            aim = f"to x {wanted.point.real:.2f} m, y {wanted.point.imag:.2f} m"
-        self.status = replace(statuses.WALKING, detail=f"the robot walks {aim}; chunks are planned once it stands")
+        leads = self.led is not None and not self.led.rides
+        says = f"the robot walks {in_words(wanted, leads)}"
+        self._walks = replace(statuses.TRACKING, detail=says)
+        if not leads:
+            self._walks = replace(statuses.RIDING, detail=f"{says}, its hands along the chunk's own paths")
+        held = replace(statuses.WALKING, detail=f"{says}; chunks are planned once it stands")
+        self.status = held if self.led is None else self._walks
 
     def stop(self) -> None:
         """Come to a stand, within three steps."""
@@ -207,7 +208,9 @@ class Stepping(LedWalk):
             return False
         self._log.add(now, state.q)
         walks = self._states.now is State.WALKING and not blind
-        if walks and self.led is not None and self.led.velocity(now) != self._wanted:
+        if walks and self.led is not None and self.led.rides:
+            self._look_at_riding()
+        elif walks and self.led is not None and self.led.velocity(now) != self._wanted:
             self._wanted = self.led.velocity(now)
             self._tell()
         if (blind or now > self._until) and self._wanted != Velocity():

@@ -61,6 +61,16 @@ def shares_of_fastest(velocities: np.ndarray, fastest: tuple[float, float, float
     return np.linalg.norm([np.maximum(x / ahead, x / back), y / aside, turn / fast], axis=0)
 
 
+def in_words(wanted: Place | Velocity, by_chunk: bool) -> str:
+    """Where the robot walks, or how fast if its chunk says so."""
+    if isinstance(wanted, Place):
+        return f"to x {wanted.point.real:.2f} m, y {wanted.point.imag:.2f} m"
+    if not by_chunk:
+        return "as it is led"
+    speed = f"({wanted.way.real:.2f}, {wanted.way.imag:.2f}) m/s, {wanted.turn:.2f} rad/s"
+    return f"as its chunk says: {'to a stand' if wanted.is_rest else speed}"
+
+
 def refused(detail: str) -> StatusReport:
     """No walk is begun or changed."""
     return statuses.refused(Reason.WALK_REFUSED, detail)

@@ -153,13 +153,10 @@ def test_a_chunk_seen_from_a_base_at_rest_is_where_it_was(supervisor, plant, han
 
 
 def test_the_frame_of_the_hands_goes_over_the_wire(supervisor, plant):
-    chunk = chunk_of("in_the_room", (0.2, 0.0, 0.0), supervisor, plant)
-    assert chunk.hands_in == "world"
-    assert chunk_from_map(chunk_to_map(chunk)).hands_in == "world"
-    assert "hands_in" not in chunk_to_map(replace(chunk, base_velocity=None))
-    names = {name: layout for name, layout in LAYOUTS.items() if name != "in_the_room"}
-    frames = {name: chunk_of(name, (0.0, 0.0, 0.2), supervisor, plant).hands_in for name in names}
-    assert frames == {"wbc27": "pelvis", "gr00t_g1": "pelvis", "openhlm34": "soles"}
+    chunks = {name: chunk_of(name, (0.0, 0.0, 0.2), supervisor, plant) for name in LAYOUTS}
+    frames = {name: chunk.hands_in for name, chunk in chunks.items()}
+    assert frames == {"wbc27": "pelvis", "gr00t_g1": "pelvis", "openhlm34": "soles", "in_the_room": "world"}
+    assert {name: chunk_from_map(chunk_to_map(chunk)).hands_in for name, chunk in chunks.items()} == frames
 
 
 def test_a_log_has_the_state_of_a_time_and_the_first_before_that():
