@@ -67,8 +67,7 @@ class Stepping(LedWalk):
         status: What a person sees of it then.
         beyond: Ends of a chunk that was out of reach from everywhere, shape (2, 4, 4), or None.
         then: Whether the robot is to be lowered once it stands, or raised; None if neither.
-        led: The chunk whose base velocity is walked, from when it asks for one on, or whose hands are followed while
-            somebody else tells where to walk; None where there is none.
+        led: The chunk whose base velocity is walked, or whose hands are while somebody else tells where; None for none.
     """
 
     def __init__(
