@@ -165,6 +165,7 @@ class Reason(StrEnum):
         "the robot left its plan: it stands, hands let go of, until one from there comes",
     )
     RECOVERING = "recovering", Status.STOP, "the robot was pushed and takes a step: hands are let go of until it rests"
+    DESCENDING = "descending", Status.STOP, "nothing keeps the robot from falling: it folds and is let down"
     HANDS_DROPPED = "hands_dropped", Status.STOP, "the whole-body program has a solution only without the hands"
     QP_FAILED = "qp_failed", Status.STOP, "the whole-body program has no solution: the last torques are held"
     STANDING_LOST = "standing_lost", Status.DAMPING, "the pelvis is tilted or low: the joints are damped"

@@ -25,6 +25,7 @@ class State(Enum):
     RISING = "rising"
     WALKING = "walking"
     RECOVERING = "recovering"
+    DESCENDING = "descending"
     FALLEN = "fallen"
     IDLE = "idle"
     PLANNING = "planning"
@@ -47,7 +48,9 @@ class Event(Enum):
     WALK = "`walk_to` or `walk` of a robot that is upright"
     PUSHED = "the capture point is beyond what soles that stand bring back, and a step does"
     SETTLED = "both feet stand where they are wanted"
+    LOST_FOR_GOOD = "neither the soles nor a step can keep the robot from falling"
     FELL = "standing is lost"
+    DOWN = "4 s of a descent are over"
     ASKED = "a chunk can be planned"
     CLEARED = "the plan comes, and is balanced"
     REFUSED = "no plan comes, or one that is not balanced, not quicker, or outrun by a newer chunk"
@@ -88,7 +91,9 @@ _ON_BOTH_FEET = (*_ON_A_WAY, State.FOLLOWING, State.LOWERING, State.LOWERED, Sta
 _UP = (*_ON_BOTH_FEET, State.WALKING, State.RECOVERING)
 
 TABLE = (
-    Transition((State.NEW, *_UP, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
+    Transition(
+        (State.NEW, *_UP, State.DESCENDING, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"
+    ),
     Transition(
         (*_ON_A_WAY, State.FOLLOWING), Event.TAKEN_OVER, State.FOLLOWING, "follows the plan from where the robot is"
     ),
@@ -113,6 +118,8 @@ TABLE = (
         State.HOLDING,
         "stands there; the chunk, if it is not over, is planned anew",
     ),
+    Transition(_UP, Event.LOST_FOR_GOOD, State.DESCENDING, "folds, braking, head and hands off the floor or slow"),
+    Transition((State.DESCENDING,), Event.DOWN, State.FALLEN, "damps its joints until `reset`"),
     Transition(_UP, Event.FELL, State.FALLEN, "damps its joints until `reset`"),
     Transition(
         (State.IDLE,), Event.ASKED, State.PLANNING, "computes the plan beside the loop, to begin one lead ahead"

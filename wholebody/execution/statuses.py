@@ -52,6 +52,11 @@ WALKING = StatusReport(Status.HOLD, Reason.WALKING, "the robot walks; chunks are
 RECOVERING = StatusReport(
     Status.STOP, Reason.RECOVERING, "the robot would fall: it takes a step, hands let go of until it has come to rest"
 )
+DESCENDING = StatusReport(
+    Status.STOP,
+    Reason.DESCENDING,
+    "nothing keeps the robot from falling: it folds, and comes down on knees and palms, or over hip and shoulder",
+)
 HANDS_YIELD = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "hands would keep the body from its steps: they give way")
 NOT_JOINED = StatusReport(
     Status.HOLD,

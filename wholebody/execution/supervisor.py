@@ -17,6 +17,7 @@ from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.ahead.ready import ReadyBody
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
+from wholebody.execution.ending.falling import Falling
 from wholebody.execution.ending.lowering import Lowering
 from wholebody.execution.ending.stiff_legs import StiffLegs
 from wholebody.execution.feet.commands import Commands
@@ -107,6 +108,7 @@ class Supervisor(Commands):
         self._ahead = HandsAhead(self._follower, *hands, ready, gated=self._gated)
         self._lowering = Lowering(self.controller, self._reflex, self._planted, self._states)
         self._stepping = Stepping(self.controller, self.config, *owned, self._reflex, self.planner.hand_limits)
+        self._falling = Falling(self.controller, self.monitor, self._planted, self._stepping, self._states)
         self._states.on(Event.RESET)
         self._last_state = self.monitor.clock.placed(state)
         self._forget(self.monitor.clock.now)
@@ -262,13 +264,10 @@ class Supervisor(Commands):
         state, elapsed, fault = self.monitor.seen(state, now, self.last_tick, ahead)
         measured, blind = self.monitor.clock.now, self.monitor.bridged > GO_ON
         now = measured + ahead
-        if self.monitor.standing_lost or self._planted.hangs(state):
-            self._states.on(Event.FELL)
-        if self.state is State.FALLEN:
-            self._now, self._last_state = now, state
+        if (let_down := self._falling.command(state, blind)) is not None:
+            self._now, self._last_state, self.status = now, state, self._falling.status
             self.handover.cancel()
-            self.status = statuses.HANGS if self._planted.hung else statuses.STANDING_LOST
-            return standing.damping_command(self.spec, self.robot, state)
+            return let_down
         stepping = self._look_at_feet(state, now, blind)
         led = not (blind or self._lowering.active or stepping.coming)
         if not led:

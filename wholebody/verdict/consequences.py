@@ -13,15 +13,16 @@ Kind = Reason | PalmCause
 FALLING = 1.1
 """How long before a fall is seen what is asked of its motors comes of it [s]; derived: a pendulum of 0.7 m tips over
 from 2 to 60 degrees in acosh(60 / 2) / sqrt(9.81 / 0.7)."""
+LOST = Reason.DESCENDING, Reason.STANDING_LOST
 HANDS_LOST = Reason.HANDS_DROPPED, PalmCause.LOST, PalmCause.LATE, PalmCause.WAITING
 OVERLOADED = (
     Reason.TORQUE_LIMIT, Reason.JOINT_LIMIT, Reason.SELF_CONTACT, Reason.SCENE_CONTACT, Reason.BALANCE_EDGE
 )  # fmt: skip
 FOLLOWS: dict[Kind, tuple[Kind, ...]] = {
-    Reason.FALL: (Reason.STANDING_LOST, Reason.QP_FAILED, Reason.OFF_PLAN, *HANDS_LOST, *OVERLOADED),
+    Reason.FALL: (*LOST, Reason.QP_FAILED, Reason.OFF_PLAN, *HANDS_LOST, *OVERLOADED),
     Reason.REFUSED: (Reason.STARVED, Reason.OFF_PLAN, PalmCause.POSITION, PalmCause.ORIENTATION, *HANDS_LOST),
     Reason.OFF_PLAN: HANDS_LOST,
-    Reason.QP_FAILED: (Reason.STANDING_LOST, *HANDS_LOST),
+    Reason.QP_FAILED: (*LOST, *HANDS_LOST),
     Reason.TOO_FAST_FOR_BALANCE: (PalmCause.LATE, PalmCause.WAITING),
     **dict.fromkeys(ELSEWHERE, (PalmCause.LATE, PalmCause.ORIENTATION)),
 }

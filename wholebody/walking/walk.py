@@ -84,6 +84,13 @@ class Walk(PlannedSteps):
         return not self.apart and not closed(self.soles, self.guide.place, self.width)
 
     @property
+    def stands_on(self) -> list[Place]:
+        """Soles, left first, one that is up where it is to land."""
+        if self.state is not Phase.SWING:
+            return self.soles
+        return [self._steps[0].sole if foot == 1 - self.stance else self.soles[foot] for foot in (LEFT, RIGHT)]
+
+    @property
     def left(self) -> float:
         """Time until the state is over [s]."""
         return self._left

@@ -93,6 +93,7 @@ class Loop:
         }
         ways[State.STANDING] = [*ways[State.FOLLOWING], self.no_plan, self.lose]
         ways[State.RETURNING] = [*ways[State.STANDING], lambda: self.step(self.is_in(State.RETURNING))]
+        ways[State.DESCENDING] = [self.throw]
         ways[State.FALLEN] = [lambda: self.to(State.HOLDING), self.fall]
         if state is State.NEW:
             self.supervisor = Supervisor(SPEC, CONFIG)
@@ -100,7 +101,7 @@ class Loop:
         self.put(crouch(SPEC, self.supervisor.robot.model, self.feet()) if state is State.LOWERED else None)
         for one in ways.get(state, []):
             one()
-        if state in UP:
+        if state in {*UP, State.DESCENDING}:
             assert self.supervisor.state is state
 
     def walk(self):
@@ -116,6 +117,14 @@ class Loop:
         v[0] += 0.42
         zero = self.plant.data
         self.plant._conversion.to_mujoco(state.q, v, zero.qpos, zero.qvel)
+
+    def throw(self):
+        """A robot that no step catches any more."""
+        state = self.plant.state()
+        v = state.v.copy()
+        v[0] += 1.5
+        self.plant._conversion.to_mujoco(state.q, v, self.plant.data.qpos, self.plant.data.qvel)
+        self.step(self.is_in(State.DESCENDING), longest=state.time + 0.5)
 
     def squat(self):
         """Crouch; a plan is followed still, where one was."""
@@ -232,6 +241,16 @@ def settled(loop):
     assert (loop.supervisor.base[0] > 0.05) if caught else (abs(loop.supervisor.base[0] - GOAL[0]) < 0.03)
 
 
+def lost_for_good(loop):
+    loop.throw()
+    assert loop.supervisor.status.reason is Reason.DESCENDING
+
+
+def down(loop):
+    loop.step(loop.is_in(State.FALLEN), longest=8.0)
+    assert loop.supervisor.status.status is Status.DAMPING
+
+
 def fell(loop):
     loop.fall()
     assert loop.supervisor.status.status is Status.DAMPING
@@ -279,8 +298,8 @@ def cancelled(loop):
 
 
 SHOWN = {one.__name__.removesuffix("_"): one for one in (
-    reset, taken_over, lost, spent, no_way, planned_from, lower, raise_, arrived, walk_low, walk, pushed, settled, fell,
-    asked, cleared, refused, late, due, missed, cancelled,
+    reset, taken_over, lost, spent, no_way, planned_from, lower, raise_, arrived, walk_low, walk, pushed, settled,
+    lost_for_good, down, fell, asked, cleared, refused, late, due, missed, cancelled,
 )}  # fmt: skip
 
 
@@ -301,7 +320,7 @@ def loop(parts, monkeypatch):
 def test_the_supervisor_goes_by_the_row(loop, row, state):
     loop.to(state)
     SHOWN[row.event.name.lower()](loop)
-    assert (loop.supervisor.state if row.next in {*UP, State.FALLEN} else loop.planning) is row.next
+    assert (loop.supervisor.state if row.next in {*UP, State.DESCENDING, State.FALLEN} else loop.planning) is row.next
 
 
 def test_each_move_stands_once_and_every_state_but_the_first_is_reached():
@@ -318,7 +337,7 @@ def test_what_the_table_does_not_have_moves_nothing():
 
 
 def names(row: Transition) -> str:
-    groups = {UP: "any but fallen", ON_BOTH_FEET: "any but fallen, walking or recovering"}
+    groups = {UP: "any but descending and fallen", ON_BOTH_FEET: "any but walking, recovering, descending and fallen"}
     said = ", ".join(one.value for one in row.states)
     return "any" if len(row.states) > len(UP) else groups.get(row.states, said)
 

@@ -60,7 +60,7 @@ class Commands(statuses.Following):
         if self._stepping.active:
             self._stepping.stop()
             self._stepping.then = down
-        elif self.state is not State.FALLEN:
+        elif self.state not in (State.DESCENDING, State.FALLEN):
             self._ahead.leave(self.plan)
             self._lowering.begin(self._last_state, down=down)
             self.handover.cancel()

@@ -10,9 +10,7 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
-from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import COM, PackedReference
-from wholebody.errors import ConfigError
 from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
@@ -21,7 +19,7 @@ from wholebody.execution.feet.led import StateLog, planar
 from wholebody.execution.feet.led_walk import TAKEN_UP, LedWalk, calm
 from wholebody.execution.feet.loss import Loss
 from wholebody.execution.feet.ready_to_walk import ReadyToWalk
-from wholebody.execution.feet.walker import Walker
+from wholebody.execution.feet.walker import walker_for
 from wholebody.execution.feet.wanted import in_words, refused
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
@@ -36,8 +34,6 @@ from wholebody.walking.footsteps import CLOSED
 from wholebody.walking.gait import Phase
 from wholebody.walking.places import Place, Velocity
 
-STEPS = ("never", "recover", "reach")
-"""What `steps` may be."""
 LASTS = 1.0
 """Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
 WALKS_FROM = (State.HOLDING, State.FOLLOWING, State.WALKING, State.RISING)
@@ -219,6 +215,10 @@ class Stepping(LedWalk):
             return True
         return False
 
+    def is_over(self) -> bool:
+        """Whether neither soles nor the step that is being made bring the robot back."""
+        return self._loss.is_final(self._walker if self.active else None)
+
     def _is_lost(self, now: float) -> bool:
         """Whether both feet stand, and a step is to catch the robot."""
         if self._walker is None:
@@ -300,21 +300,3 @@ class Stepping(LedWalk):
         q = standing.resting_posture(state.q, state.v, self._config.body.posture_kd)
         margin = self._config.planner.posture.com_margin
         self._follower.stand(standing.standing_trajectory(robot, q, support, margin), rows, holds=True)
-
-
-def walker_for(controller: Controller, config: ControllerConfig) -> Walker | None:
-    """Who leads a robot that may step; None for one that never does.
-
-    Raises:
-        ConfigError: If `steps` is unknown, or the other settings do not walk.
-    """
-    if config.steps not in STEPS:
-        raise ConfigError(f"steps is '{config.steps}'; it must be one of {', '.join(STEPS)}", setting="steps")
-    if config.steps == "never":
-        return None
-    if not isinstance(controller, WholeBodyController) or config.robot.torque < 1.0:
-        raise ConfigError(
-            f"steps is '{config.steps}', and only the native backend with robot.torque 1 steps; set `steps: never`",
-            setting="steps",
-        )
-    return Walker(controller)

@@ -10,10 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from models.pinocchio_model import frame_id
+from wholebody.config import ControllerConfig
+from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PALM, PackedReference, ReferenceMemory, row_length
 from wholebody.control.weights import RECOVERING, WALKING, Weights
-from wholebody.errors import InputError
+from wholebody.errors import ConfigError, InputError
 from wholebody.estimation.sole_press import SolePress
 from wholebody.execution.feet.carried import about_z, carry, leaning
 from wholebody.robot.contact_schedule import Contacts
@@ -28,6 +30,8 @@ from wholebody.walking.readings import WalkReadings, floor_under, rise
 from wholebody.walking.swing import Course, Swing
 from wholebody.walking.walk import Walk
 
+STEPS = ("never", "recover", "reach")
+"""What `steps` may be."""
 EDGE = (0.012, 0.006)
 """Distance of the zero-moment point from the edges of a sole, ahead and to the side [m]; chosen: the sole's own
 curvature and half of a centimetre for what is not known."""
@@ -181,6 +185,14 @@ class Walker:
             self._lead_foot(swing[1 - walk.stance], walk.swing, 1 - walk.stance)
         return PackedReference(row, Contacts(self._feet, walk.load), swing)
 
+    def outline(self) -> np.ndarray:
+        """Contact points of both soles in world, a foot that is up where it is to land, shape (n, 2), [m]."""
+        points = []
+        for sole, foot in zip(self.walk.stands_on, self.controller.spec.feet, strict=True):
+            there = (foot.points - foot.sole_center) @ about_z(sole.heading).T
+            points.append(there[:, :2] + (sole.point.real, sole.point.imag))
+        return np.vstack(points)
+
     def feet(self, state: RobotState) -> Feet:
         """Both feet as measured, flat on the floor of the walk."""
         seen = self._look(state)
@@ -232,3 +244,21 @@ class Walker:
         tilting, changing = swing.lean.v, swing.lean.a
         row[12:15], row[15:18] = (v.real, v.imag, swing.height.v), (tilting.imag, -tilting.real, rate)
         row[18:21], row[21:24] = (a.real, a.imag, swing.height.a), (changing.imag, -changing.real, change)
+
+
+def walker_for(controller: Controller, config: ControllerConfig) -> Walker | None:
+    """Who leads a robot that may step; None for one that never does.
+
+    Raises:
+        ConfigError: If `steps` is unknown, or the other settings do not walk.
+    """
+    if config.steps not in STEPS:
+        raise ConfigError(f"steps is '{config.steps}'; it must be one of {', '.join(STEPS)}", setting="steps")
+    if config.steps == "never":
+        return None
+    if not isinstance(controller, WholeBodyController) or config.robot.torque < 1.0:
+        raise ConfigError(
+            f"steps is '{config.steps}', and only the native backend with robot.torque 1 steps; set `steps: never`",
+            setting="steps",
+        )
+    return Walker(controller)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wholebody.control.reference_packet import COM
-from wholebody.execution.feet.loss import AGAIN, LONG, LOST, NEARLY, Loss
+from wholebody.execution.feet.loss import AGAIN, FINAL, FINAL_STEPS, LONG, LOST, NEARLY, Loss
 
 EDGE = 0.085
 
@@ -56,3 +56,19 @@ def test_the_capture_point_of_a_reference_is_ahead_of_a_centre_of_mass_that_move
     row = np.zeros(COM + 9)
     row[COM], row[COM + 4] = 0.1, 0.2
     assert loss.planned(row) == pytest.approx(0.1 + 0.2j / np.sqrt(9.81 / 0.66), rel=1e-3)
+
+
+def test_a_robot_that_takes_no_step_is_given_up_beyond_its_soles(robot, loss):
+    robot.com[0] = EDGE + 0.9 * FINAL
+    assert not loss.is_final(None)
+    robot.com[0] = EDGE + 1.1 * FINAL
+    assert loss.is_final(None)
+
+
+def test_one_that_takes_a_step_is_given_up_beyond_where_that_lands(robot, loss):
+    corners = np.array([(-EDGE, -0.1), (0.4, -0.1), (0.4, 0.1), (-EDGE, 0.1)])
+    walker = SimpleNamespace(outline=lambda: corners)
+    robot.com[0] = 0.4 + 0.9 * FINAL_STEPS
+    assert not loss.is_final(walker)
+    robot.com[0] = 0.4 + 1.1 * FINAL_STEPS
+    assert loss.is_final(walker)
