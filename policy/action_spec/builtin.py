@@ -8,7 +8,7 @@ from typing import overload
 from models import g1
 from models.spec import RobotSpec
 from policy.action_spec import public
-from policy.action_spec.parts import joints, scalar, stack, velocity, wrist
+from policy.action_spec.parts import force, joints, scalar, stack, velocity, wrist
 from policy.action_spec.slot import Frame
 from policy.action_spec.spec import ActionSpec
 from policy.errors import SpecError, did_you_mean
@@ -42,6 +42,12 @@ def _wbc32(robot: RobotSpec, version: int, frame: Frame) -> ActionSpec:
             joints(robot, "right_hand"),
         ),
     )
+
+
+def wbc32_forces(robot: RobotSpec) -> ActionSpec:
+    """`wbc32` and the force that each palm is to meet, in the stance: 38 numbers."""
+    slots = [{key: value for key, value in vars(slot).items() if key != "start"} for slot in wbc32(robot).slots]
+    return ActionSpec(name="wbc32_forces", robot=robot, slots=stack(*slots, force("left"), force("right")))
 
 
 def wbc27(robot: RobotSpec) -> ActionSpec:
@@ -146,7 +152,7 @@ def gr00t_g1(robot: RobotSpec) -> ActionSpec:
 
 LAYOUTS = {
     layout.__name__.replace("_v", "-v"): layout
-    for layout in (wbc32, wbc32_v1, wbc27, unifolm23, joint28, joint16, gr00t_g1, *public.LAYOUTS)
+    for layout in (wbc32, wbc32_v1, wbc32_forces, wbc27, unifolm23, joint28, joint16, gr00t_g1, *public.LAYOUTS)
 }
 """Built-in layouts by name; of several versions the last has the name alone."""
 

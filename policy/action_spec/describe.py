@@ -61,7 +61,7 @@ def lines(spec: ActionSpec) -> list[str]:
     if spec.name in LAYOUTS and builtin(spec.name, spec.robot) == spec and (source := _source(spec.name)):
         lines += textwrap.wrap(f"source: {source}", 100)
     lines += [f"frame {frame}: {FRAMES[frame]}" for frame in frames(spec)]
-    lines.append(_state_of(spec))
+    lines += textwrap.wrap(_state_of(spec), 120)
     for slot in spec.slots:
         lines += ["", _heading(slot, spec.robot)]
         if slot.kind == "ignored":

@@ -40,6 +40,11 @@ def scalar(name: str, unit: str, **settings: object) -> dict:
     return {"name": name, "kind": "scalar", "size": 1, "unit": unit, **settings}
 
 
+def force(side: str) -> dict:
+    """Force that the world is expected to put on a palm, in the stance."""
+    return {"name": f"{side}_force", "kind": "force", "size": 3, "unit": "N", "frame": "stance"}
+
+
 def velocity() -> dict:
     """Planar velocity x, y and yaw rate of the base."""
     return {"name": "base_velocity", "kind": "velocity", "size": 3, "unit": "m/s, rad/s"}
