@@ -5,11 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import encode
 from policy.clock import SimulatedClock
 from policy.errors import ChunkError
 from policy.prefix import Prefix, PrefixPolicy
-from policy.targets.stream import FPS, FREE, HORIZON, LATE, STOP, WRIST, TargetStream
+from policy.targets.stream import FPS, HORIZON, TargetStream
+from policy.targets.tracks import FREE, LATE, STOP, WRIST
 
 HERE = Anchor.nominal()
 
@@ -128,6 +130,7 @@ def test_stamps_of_another_clock_are_dated_by_the_least_delay():
         ({"q_rhand": np.full(7, np.inf)}, "q_rhand is inf"),
         ({"rhand": 2.0 * np.eye(4)}, "rhand has no rotation"),
         ({"rhand": np.eye(3)}, "rhand has shape"),
+        ({"f_lpalm": np.full(3, np.nan)}, "f_lpalm is nan"),
         ({"left": np.eye(4)}, "no 'left'; it may say lhand, rhand"),
         ({}, "says nothing"),
     ],
@@ -148,14 +151,48 @@ def test_a_stamp_that_is_late_repeated_or_none_is_refused(stamp):
     stream.put(0.6, lhand=pose(0.12))
 
 
+def test_a_force_stays_as_it_was_told_until_it_is_told_otherwise():
+    stream, forces = TargetStream(), np.array([[0.0, 30.0, -5.0], [0.0, -30.0, -5.0]])
+    stream.put(0.0, lhand=pose(0.0))
+    assert stream.infer(HERE.observation(0.0)).f_world_lpalm is None
+    stream.put(0.03, f_lpalm=forces[0])
+    assert stream.news
+    chunk = stream.infer(HERE.observation(5.0))
+    np.testing.assert_array_equal(chunk.f_world_lpalm, np.tile(forces[0], (HORIZON, 1)))
+    assert chunk.f_world_rpalm is None
+    chunk.validate()
+    stream.put(0.06, f_lpalm=forces[0] + 0.3, f_rpalm=np.zeros(3))
+    assert not stream.news
+    stream.put(0.09, f_lpalm=np.zeros(3), f_rpalm=forces[1])
+    assert stream.news
+    assert stream.infer(HERE.observation(5.1)).pushes == (False, True)
+    stream.reset()
+    assert stream.infer(HERE.observation(0.0)).pushes == (False, False)
+
+
+def test_actions_of_a_layout_with_forces_tell_them():
+    stream, told = TargetStream(builtin("wbc32_forces")), np.arange(6.0)
+    first = stream.infer(HERE.observation(0.0))
+    action = encode(stream.spec, first, HERE)[0]
+    assert not action[32:].any()
+    action[32:] = told
+    stream.put_action(action, 0.1)
+    chunk = stream.infer(HERE.observation(0.1))
+    R = HERE.T_world_stance[:3, :3]
+    np.testing.assert_allclose(chunk.f_world_lpalm[0], R @ told[:3], atol=1e-9)
+    np.testing.assert_allclose(chunk.f_world_rpalm[-1], R @ told[3:], atol=1e-9)
+
+
 def test_a_prefix_is_repeated_for_the_delay_and_left_by_its_horizon():
     stream, own = followed(lambda t: (0.5 * t, 0.5 * t), 0.5)
     other = TargetStream()
     other.put(0.5, lhand=pose(0.0, 1.0))
     executed = other.infer(HERE.observation(0.5))
+    stream.put(0.51, f_lpalm=np.ones(3))
     chunk = stream.infer_after(HERE.observation(0.5), Prefix(executed, HORIZON, 3, 8))
     chunk.validate()
     np.testing.assert_allclose(chunk.T_world_lhand[:3], executed.T_world_lhand[:3], atol=1e-12)
+    np.testing.assert_array_equal(chunk.f_world_lpalm, np.ones((HORIZON, 3)))
     np.testing.assert_allclose(chunk.T_world_lhand[8:], own.T_world_lhand[8:], atol=1e-9)
 
 
