@@ -11,7 +11,7 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_ENV_STATE, OBS_IMAGES, OBS_STATE
 
-from lerobot_robot_wholebody.config_wholebody_g1 import TASKS, WholebodyCameraConfig
+from lerobot_robot_wholebody.config_wholebody_g1 import TASKS, TOLD, WholebodyCameraConfig
 
 if TYPE_CHECKING:
     from gymnasium import Env
@@ -45,7 +45,7 @@ class WholebodyEnvConfig(EnvConfig):
                 raise ValueError(f"--env.{name}={getattr(self, name)} is unknown; there are {there}")
         shown = 6 if self.task in ("reach", "wipe") else 9
         sizes = {
-            "action": (32, ACTION, FeatureType.ACTION),
+            "action": (38 if self.task in TOLD else 32, ACTION, FeatureType.ACTION),
             "agent_pos": (23 + shown, OBS_STATE, FeatureType.STATE),
             "environment_state": (shown, OBS_ENV_STATE, FeatureType.ENV),
         }

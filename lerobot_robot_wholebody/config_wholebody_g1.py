@@ -9,7 +9,12 @@ from lerobot.robots import RobotConfig
 LINKS = ("sim",)
 """What a robot can be reached by so far."""
 CLOCKS = ("wall", "lockstep")
-TASKS = ("none", "reach", "pick", "place", "lift", "press", "hand_over", "pick_low", "shelf", "open_drawer", "wipe")
+TASKS = (
+    "none", "reach", "pick", "place", "lift", "lift_crate", "press", "hand_over", "pick_low", "shelf", "open_drawer",
+    "wipe",
+)  # fmt: skip
+TOLD = ("lift", "lift_crate", "open_drawer")
+"""Tasks whose actions always tell the forces that palms are to meet."""
 RECORDS = ("requested", "executed")
 DISTURB_MAX = 0.1
 """Largest standard deviation of a disturbance [m]; chosen: goals are 0.3 m from the stance."""
@@ -41,6 +46,9 @@ class WholebodyG1Config(RobotConfig):
     task: str = "none"
     """What is to be done, which is shown among the observations: with reach each palm has a goal; the others move
     something, in a scene of their own."""
+    forces: bool = False
+    """Whether an action tells the forces that palms are to meet, in six numbers more; of lift, lift_crate and
+    open_drawer it always does."""
     seed: int = 0
     """Seed of the task's goals."""
     gate: bool = False
@@ -54,6 +62,11 @@ class WholebodyG1Config(RobotConfig):
     """YAML file with changed settings of the controller."""
     report: str = ""
     """File for a summary of the run, written at its end, as JSON; also where this program was killed."""
+
+    @property
+    def tells_forces(self) -> bool:
+        """Whether an action tells forces."""
+        return self.forces or self.task in TOLD
 
     def __post_init__(self) -> None:
         if self.link in ("twin", "dds"):

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyCameraConfig
+from lerobot_robot_wholebody.config_wholebody_g1 import TOLD, WholebodyCameraConfig
 from lerobot_robot_wholebody.sight import Cameras
 from lerobot_robot_wholebody.target import Accepted, Numbers
 from lerobot_robot_wholebody.tasks import task_of
@@ -57,7 +57,7 @@ class G1Env(gymnasium.Env):
             raise ValueError("an environment needs a task")
         self.task = self.task_description = self._task.words
         self._max_episode_steps = steps or self._task.steps
-        self.render_mode, self._numbers = render_mode, Numbers()
+        self.render_mode, self._numbers = render_mode, Numbers(task in TOLD)
         self._sizes, self._scene = dict(cameras or {}), self._task.scene or scene
         self._robot, self._drawn, self._pictures = (
             ServedRobot(Served(self._scene, clock="lockstep", gate=gate)),

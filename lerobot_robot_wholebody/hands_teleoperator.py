@@ -26,11 +26,13 @@ class Hands:
         palms: Palm points, left first, shape (2, 3), [m].
         R: Rotations, shape (2, 3, 3).
         fingers: Of the left and right hand, motor order, shape (7,) each, [rad].
+        forces: That the palms are to meet, shape (2, 3), [N]; a robot to which none are told does without.
     """
 
     palms: np.ndarray
     R: np.ndarray
     fingers: tuple[np.ndarray, np.ndarray]
+    forces: np.ndarray | None = None
 
 
 class RobotTeleoperator(Teleoperator):
@@ -46,10 +48,11 @@ class RobotTeleoperator(Teleoperator):
 
     @property
     def action_features(self) -> dict[str, type]:
-        """Numbers of wrists and fingers."""
+        """Numbers of wrists and fingers; of forces too, once it drives a robot to which they are told."""
         from lerobot_robot_wholebody.target import Numbers
 
-        return dict.fromkeys(Numbers().action_names, float)
+        driven = self._robot if self._there else None
+        return dict.fromkeys((driven.numbers if driven else Numbers()).action_names, float)
 
     @property
     def feedback_features(self) -> dict[str, type]:
@@ -154,6 +157,10 @@ class HandsTeleoperator(RobotTeleoperator):
             for palm, R, side in zip(hands.palms, hands.R, ("left", "right"), strict=True)
         ]
         rows = [part[None] for part in (*poses, *hands.fingers)]
-        chunk = ActionChunk(numbers.spec.id, 0, 0.0, numbers.spec.fps, *rows)
+        told = {}
+        if hands.forces is not None:
+            forces = hands.forces @ self._anchor.T_world_stance[:3, :3].T
+            told = {"f_world_lpalm": forces[:1], "f_world_rpalm": forces[1:]}
+        chunk = ActionChunk(numbers.spec.id, 0, 0.0, numbers.spec.fps, *rows, **told)
         values = encode_valid(numbers.spec, chunk, self._anchor)[0]
         return dict(zip(numbers.action_names, values.tolist(), strict=True))

@@ -7,38 +7,52 @@ import numpy as np
 from policy import builtin
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode, encode_valid
-from policy.action_spec.hands import grasp_posture
+from policy.action_spec.hands import SIDES, grasp_posture
 from policy.action_spec.state import aligned_state, state_layout, state_numbers
 from policy.errors import ChunkError
 from policy.geometry.se3 import inverse, make_transform
 from policy.observation import Observation
+from policy.targets.parts import rows_of
+from wholebody.config.touch import TouchConfig
 
+FORCE_MAX = TouchConfig.force_max
+"""Largest number of a force in an action [N]: a hand pushes no harder, as shipped."""
 GRASPS = ("left_grasp.pos", "right_grasp.pos")
 """Numbers of an action that may stand for a hand's fingers: 0 open to 1 closed."""
 PERIODS, WAVES = (0.8, 2.5), 3
 """Periods of a disturbance [s], and how many waves it is of along each axis; chosen: slow enough for hands to be where
 they are led, quick enough for several ways back in an episode."""
 _HANDS = ("lhand", "rhand")
-_PARTS = {"left_wrist": "lhand", "right_wrist": "rhand", "left_hand": "q_lhand", "right_hand": "q_rhand"}
+_PARTS = {
+    "left_wrist": "lhand", "right_wrist": "rhand", "left_hand": "q_lhand", "right_hand": "q_rhand",
+    "left_force": "f_lpalm", "right_force": "f_rpalm",
+}  # fmt: skip
 
 
 class Numbers:
     """Actions in wbc32, observations in the state that goes with it.
 
+    Args:
+        forces: Whether actions tell the forces that palms are to meet: then they are in wbc32_forces.
+
     Attributes:
         action_names, state_names: Of their numbers.
+        forces: Those of an action that are forces.
         known: What an action may say, and what is observed only.
-        bounds: Least and largest position of each finger joint [rad].
+        bounds: Least and largest position of each finger joint [rad], and number of a force [N].
     """
 
-    def __init__(self) -> None:
-        self.spec = builtin("wbc32")
+    def __init__(self, forces: bool = False) -> None:
+        self.spec = builtin("wbc32_forces" if forces else "wbc32")
         self.aligned, self._layout = aligned_state(self.spec), state_layout(self.spec)
         self.action_names, self.state_names = self.spec.feature_names, self._layout.feature_names
         joints = {joint.name: (joint.position_min, joint.position_max) for joint in self.spec.robot.joints}
         slots = [self.spec.slot("left_hand"), self.spec.slot("right_hand")]
         fingers = [pair for slot in slots for pair in zip(slot.feature_names, slot.joint_names, strict=True)]
+        self._told = [(i, self.spec.slot(f"{side}_force")) for i, side in enumerate(SIDES) if forces]
+        self.forces = tuple(name for _, slot in self._told for name in slot.feature_names)
         self.bounds = {name: joints[joint] for name, joint in fingers}
+        self.bounds |= dict.fromkeys(self.forces, (-FORCE_MAX, FORCE_MAX))
         self._at: tuple[Observation, Anchor] | None = None
         self._palms: tuple[Observation, np.ndarray] | None = None
         self.known = tuple(dict.fromkeys((*self.action_names, *GRASPS, *self.state_names)))
@@ -60,9 +74,17 @@ class Numbers:
             self._palms = found = observation, palms
         return found[1].copy()
 
-    def executed(self, observation: Observation) -> dict[str, float]:
-        """Executed action: numbers of the measured wrists and fingers, by name."""
-        numbers = state_numbers(self.aligned, observation, self.anchor(observation))
+    def executed(self, observation: Observation, forces: np.ndarray | None = None) -> dict[str, float]:
+        """Executed action: numbers of the measured wrists and fingers, and of what palms felt, by name.
+
+        Args:
+            observation: What was measured.
+            forces: On both palms in world axes, shape (2, 3), [N]; none if not given.
+        """
+        anchor = self.anchor(observation)
+        numbers = state_numbers(self.aligned, observation, anchor)
+        for i, slot in self._told if forces is not None else ():
+            numbers[slot.indices] = anchor.T_world_stance[:3, :3].T @ forces[i]
         return dict(zip(self.action_names, numbers.tolist(), strict=True))
 
     def state(self, observation: Observation) -> dict[str, float]:
@@ -104,6 +126,8 @@ class Accepted:
             now = closed | now
         now |= {name: float(np.clip(now[name], *bounds)) for name, bounds in numbers.bounds.items() if name in now}
         anchor, going_back = numbers.anchor(observation), bool(given.keys() - now.keys() - grasps.keys())
+        if going_back:  # what is told no more is let go of
+            now = dict.fromkeys(numbers.forces, 0.0) | now
         try:
             chunk = decode(spec, np.array([[now.get(name, value) for name, value in self.last.items()]]), anchor)
         except ChunkError:
@@ -113,8 +137,7 @@ class Accepted:
             # LeRobot's way back blends rotations number by number: where that gives none, a hand keeps its own.
             return self.take({name: value for name, value in given.items() if name not in turns}, observation)
         self.last = dict(zip(self.last, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
-        poses = {"lhand": chunk.T_world_lhand[0], "rhand": chunk.T_world_rhand[0]}
-        everything = poses | {"q_lhand": chunk.q_lhand[0], "q_rhand": chunk.q_rhand[0]}
+        everything = {part: rows[0] for part, rows in rows_of(chunk).items()}
         parts = {part for prefix, part in _PARTS.items() if any(name.startswith(prefix) for name in now)}
         accepted = {name: self.last[name] for name in given if name in self.last}
         return everything, parts, accepted | grasps

@@ -12,13 +12,13 @@ import numpy as np
 from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
 from lerobot_robot_wholebody.drawn import Drawn
 from lerobot_robot_wholebody.wiping import Wipe
-from models.places import BUTTON_TRAVEL, ON_FLOOR, ON_SHELF, ON_TABLE, SHELF_HEIGHTS
+from models.places import BUTTON_TRAVEL, CARTON_WIDTH, CRATE_WIDTH, ON_FLOOR, ON_SHELF, ON_TABLE, SHELF_HEIGHTS
 from policy.action_spec.anchor import Anchor
 from policy.learned.place import SPOT, SPREAD, drawn, off_spot
 from policy.learned.reach import REACHED, goals_of
 from policy.learned.things import shown_of, thing_in_stance
-from policy.scripted.chores import open_drawer, pick_from_floor, put_on_shelf
-from policy.scripted.contact import lift_carton, press
+from policy.scripted.chores import pick_from_floor, put_on_shelf
+from policy.scripted.contact import lift_up, press, pull_drawer
 from policy.scripted.library import grasp, hand_over
 from policy.scripted.place import place
 from policy.scripted.policy import ScriptedPolicy
@@ -218,7 +218,12 @@ THINGS = {
     ),
     "lift": Moved(
         scene="table_carton", words="lift the carton with both hands", far=_moved(UP, 0.06),
-        script=lambda off: lift_carton((off[0], off[1])), spread=(0.02, 0.02), steps=360,
+        script=lambda off: lift_up(CARTON_WIDTH, 1.0, (off[0], off[1])), spread=(0.02, 0.02), steps=360,
+    ),
+    "lift_crate": Moved(
+        scene="table_crate", words="lift the crate with both hands", far=_moved(UP, 0.06),
+        script=lambda off: lift_up(CRATE_WIDTH, 2.0, (off[0], off[1]), squeeze=35.0), spread=(0.02, 0.02),
+        steps=360,
     ),
     "press": Moved(
         scene="button", words="press the button", far=_moved(IN, BUTTON_TRAVEL), script=lambda _: press(), held=1,
@@ -237,8 +242,7 @@ THINGS = {
         far=partial(off_spot, spot=ON_BOARD, up=HIGHER), script=_on_shelf, spread=(0.02, 0.03), steps=560,
     ),
     "open_drawer": Moved(
-        scene="light_drawer", words="open the drawer", far=_moved(OUT, OPEN), script=lambda _: open_drawer(),
-        steps=480,
+        scene="drawer", words="open the drawer", far=_moved(OUT, OPEN), script=lambda _: pull_drawer(), steps=500,
     ),
 }  # fmt: skip
 """What is moved, by the name of its task; distances chosen: past them it is plain that it was done."""

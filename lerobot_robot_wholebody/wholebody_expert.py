@@ -123,7 +123,8 @@ class _Script:
         palms = np.array([motion.p_world_lpalm.reshape(-1, 3)[0], motion.p_world_rpalm.reshape(-1, 3)[0]])
         R = np.array([motion.R_world_lhand.reshape(-1, 3, 3)[0], motion.R_world_rhand.reshape(-1, 3, 3)[0]])
         fingers = [np.reshape(q, (-1, np.shape(q)[-1]))[0] for q in (motion.q_lhand, motion.q_rhand)]
-        return Hands(palms + 16.0 * (share * (1.0 - share)) ** 2 * self._bulge, R, (fingers[0], fingers[1]))
+        forces = np.array([np.reshape(f, (-1, 3))[0] for f in (motion.f_world_lpalm, motion.f_world_rpalm)])
+        return Hands(palms + 16.0 * (share * (1.0 - share)) ** 2 * self._bulge, R, (fingers[0], fingers[1]), forces)
 
 
 class WholebodyExpert(HandsTeleoperator):

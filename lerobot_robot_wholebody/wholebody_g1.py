@@ -68,7 +68,7 @@ class WholebodyG1(Robot):
         """What the numbers of actions and observations mean."""
         from lerobot_robot_wholebody.target import Numbers
 
-        return Numbers()
+        return Numbers(self.config.tells_forces)
 
     @cached_property
     def task(self) -> RobotTask | None:
@@ -96,7 +96,7 @@ class WholebodyG1(Robot):
 
     @property
     def action_features(self) -> dict[str, type]:
-        """Numbers of wrists and fingers."""
+        """Numbers of wrists and fingers, and of forces where they are told."""
         return dict.fromkeys(self.numbers.action_names, float)
 
     @property
@@ -238,7 +238,7 @@ class WholebodyG1(Robot):
 
     def executed(self) -> dict[str, float]:
         """Numbers of the action that is done where the robot was seen last, by name."""
-        return self.numbers.executed(self.seen.observation)
+        return self.numbers.executed(self.seen.observation, self.seen.forces)
 
     def now(self) -> float:
         """Present time: in lockstep what was let pass, else the wall's [s]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,11 +40,20 @@ class WholebodyMotion(HandsTeleoperator):
         self._motion = _read(self.config)
         super().connect(calibrate)
 
+    def _meet(self, robot: WholebodyG1) -> None:
+        """Take note of how the robot stands, and of whether it is told of forces."""
+        super()._meet(robot)
+        if any(self._motion.pushes) and not robot.numbers.forces:
+            logger.warning(
+                "%s: the forces that palms are to meet are not told; with --robot.forces=true they are",
+                self.config.motion,
+            )
+
     def _begin(self, robot: WholebodyG1) -> None:
         """Set off to the motion, or back."""
         import numpy as np
 
-        self._start, self._back = self.last, robot.phase == "reset"
+        self._start, self._back = replace(self.last, forces=None), robot.phase == "reset"
         end = self._rest if self._back else self._played(0.0)
         far = float(np.linalg.norm(end.palms - self._start.palms, axis=1).max())
         self._takes = max(far / APPROACH_SPEED, APPROACH_MIN)
@@ -59,12 +69,15 @@ class WholebodyMotion(HandsTeleoperator):
         from lerobot_robot_wholebody.target import palm_of
         from policy.geometry.se3 import inverse
         from policy.recorded.resample import resampled
+        from policy.targets.parts import FORCES, rows_of
 
         row = resampled(self._motion, self._motion.t_obs + time, 1)
-        T = inverse(self._anchor.T_world_stance) @ np.stack([row.T_world_lhand[0], row.T_world_rhand[0]])
+        T_stance_world = inverse(self._anchor.T_world_stance)
+        T = T_stance_world @ np.stack([row.T_world_lhand[0], row.T_world_rhand[0]])
+        forces = np.array([rows_of(row)[name][0] for name in FORCES]) @ T_stance_world[:3, :3].T
         sides = zip(T, ("left", "right"), strict=True)
         palms = np.array([palm_of(wrist, side, self._robot.numbers) for wrist, side in sides])
-        return Hands(palms, T[:, :3, :3], (row.q_lhand[0], row.q_rhand[0]))
+        return Hands(palms, T[:, :3, :3], (row.q_lhand[0], row.q_rhand[0]), forces)
 
 
 def _between(start: Hands, end: Hands, share: float) -> Hands:
@@ -97,6 +110,4 @@ def _read(config: WholebodyMotionConfig) -> ActionChunk:
         episode = to_chunk(motion, spec.id, 0, 0.0, script.fps, len(times), robot=spec.robot)
     for note in episode.notes:
         logger.warning("%s: %s", config.motion, note)
-    if any(episode.pushes):
-        logger.warning("%s: forces that hands are to meet are no part of an action, and not told", config.motion)
     return episode

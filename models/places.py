@@ -26,8 +26,6 @@ LEVER_TORQUE = (1.0, 2.0)
 """Torques with which the lever is held up, and at which the door unlatches [N m]; chosen: as of common doors."""
 DRAWER_FRICTION = 30.0
 """Dry friction of the drawer [N]; chosen: a full drawer without rollers."""
-LIGHT_FRICTION = 15.0
-"""Dry friction of the light drawer [N]; chosen: half empty."""
 LOCKED_STIFFNESS = 500.0
 """Stiffness of the handle of the locked door [N/m]; chosen: a door that gives in its frame."""
 BUTTON_FORCE = (5.0, 20.0)

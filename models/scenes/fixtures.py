@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import mujoco
 
@@ -18,7 +17,6 @@ from models.places import (
     LEVER_RADIUS,
     LEVER_TORQUE,
     LEVER_TURN,
-    LIGHT_FRICTION,
     LOCKED_STIFFNESS,
     WALL_AHEAD,
     WALL_BESIDE,
@@ -51,12 +49,12 @@ def add_corridor(mj: mujoco.MjSpec) -> list[float]:
     return []
 
 
-def add_drawer(mj: mujoco.MjSpec, friction: float = DRAWER_FRICTION) -> list[float]:
-    """A drawer of 3 kg on a chest, held by dry friction [N]; its bar pulls it out along -x, 0.35 m at most."""
+def add_drawer(mj: mujoco.MjSpec) -> list[float]:
+    """A drawer of 3 kg on a chest, held by 30 N of dry friction; its bar pulls it out along -x, 0.35 m at most."""
     front, y, z = BAR[0] + _BOW, BAR[1], BAR[2]
     _solid(mj.worldbody, "chest", _BOX, (0.20, 0.20, 0.5 * (z - 0.12)), (front + 0.22, y, 0.5 * (z - 0.12)), _PAINT)
     drawer = mj.worldbody.add_body(name="drawer", pos=(front, y, z))
-    _slide(drawer, (-1.0, 0.0, 0.0), 0.35, frictionloss=friction, damping=[5.0, 0.0, 0.0])
+    _slide(drawer, (-1.0, 0.0, 0.0), 0.35, frictionloss=DRAWER_FRICTION, damping=[5.0, 0.0, 0.0])
     _solid(drawer, "drawer", _BOX, (0.01, 0.18, 0.11), (0.01, 0.0, 0.0), _PAINT, mass=1.0)
     _solid(drawer, "drawer_tray", _BOX, (0.18, 0.16, 0.09), (0.20, 0.0, 0.0), _PAINT, mass=1.6)
     _bow(drawer)
@@ -110,7 +108,6 @@ FIXTURES: dict[str, Callable[[mujoco.MjSpec], list[float]]] = {
     "wall": add_wall,
     "corridor": add_corridor,
     "drawer": add_drawer,
-    "light_drawer": partial(add_drawer, friction=LIGHT_FRICTION),
     "locked": add_locked,
     "door": add_door,
     "button": add_button,

@@ -1,11 +1,11 @@
-"""Scripted policies that tell no force: hands are led on until what they hold comes along, or yields."""
+"""Scripted policies that tell no force: hands are led on until what they hold comes along."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from models.places import BAR, TABLE_HEIGHT
-from policy.scripted.contact import BAR_IN_HAND, HAND_HALF, PUSH_SPEED_PEAK, WIPE_DEPTH
+from models.places import TABLE_HEIGHT
+from policy.scripted.contact import HAND_HALF, PUSH_SPEED_PEAK, WIPE_DEPTH
 from policy.scripted.library import OBJECT_IN_PALM
 from policy.scripted.policy import ScriptedPolicy, stance_pose
 from policy.scripted.waypoints import Waypoint, one_hand, waypoint_policy
@@ -21,9 +21,6 @@ CLEAR = 0.07
 """How high above the boards of a shelf something is carried [m]; chosen: a hand's half and a finger more."""
 BEFORE = 0.28
 """How far ahead a palm is that carries something past the edges of the boards [m]; chosen: 0.1 m before them."""
-PULL, SLACK = 0.34, 0.03
-"""How far the hand at the drawer is led, and how far it is led back before it opens [m]; derived: the friction of 15 N
-keeps it back by 25 mm."""
 WIPED_PAST, WIPE_SPEED = 0.05, 0.15
 """How far past both ends of a streak the hand is led [m], and its largest speed [m/s]; measured: friction on the table
 holds it back by 0.03 to 0.06 m."""
@@ -73,28 +70,6 @@ def put_on_shelf(p_world_object: np.ndarray, p_world_spot: np.ndarray) -> Script
             one_hand("left", 14.4, there + BESIDE),
             one_hand("left", 15.6, np.array([BEFORE, *(there + BESIDE)[1:]])),
             one_hand("left", 16.2),
-        ],
-    )
-
-
-def open_drawer() -> ScriptedPolicy:
-    """The right hand closes around the bar of the drawer, pulls, lets go and moves aside."""
-    at_bar = np.array(BAR) - BAR_IN_HAND
-    aside, out = np.array([0.0, -0.09, 0.0]), np.array([-PULL, 0.0, 0.0])
-    slack = at_bar + out + [SLACK, 0.0, 0.0]
-    return waypoint_policy(
-        "open_drawer",
-        [
-            one_hand("right", 2.5, at_bar + aside, 0.0),
-            one_hand("right", 3.7, at_bar),
-            one_hand("right", 5.0, None, 1.0),
-            one_hand("right", 5.3),
-            one_hand("right", 11.3, at_bar + out),
-            one_hand("right", 12.3),
-            one_hand("right", 12.8, slack),
-            one_hand("right", 13.8, None, 0.0),
-            one_hand("right", 15.0, slack + aside),
-            one_hand("right", 15.4),
         ],
     )
 

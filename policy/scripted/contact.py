@@ -16,7 +16,6 @@ from models.places import (
     BUTTON,
     BUTTON_FORCE,
     BUTTON_TRAVEL,
-    CARTON_WIDTH,
     CRATE_WIDTH,
     DRAWER_FRICTION,
     LEVER,
@@ -260,30 +259,37 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.008) 
     return _flat(carried)
 
 
-def lift_carton(off: tuple[float, float] = (0.0, 0.0), *, depth: float = 0.045) -> ScriptedPolicy:
-    """Motion of two palms that lift the carton of 1 kg by 0.10 m, so slowly that hands which are told no force hold it.
+def lift_up(
+    width: float, mass: float, off: tuple[float, float] = (0.0, 0.0), *, squeeze: float = 30.0, depth: float = 0.03
+) -> ScriptedPolicy:
+    """Motion of two palms that lift a box from the table by 0.10 m, held above its middle so that it hangs upright.
 
     Args:
+        width: Distance of the palms on it [m].
+        mass: Expected of it [kg].
         off: How far ahead and to the left of its usual place it stands [m].
-        depth: How far into its sides the palms are commanded [m]; measured: 18 N a hand, and 12 N while it rises.
+        squeeze: Expected of each side of it [N]; measured, palms led 10 mm aside anew in each chunk, and along with the
+            carton where that slips: 18 N lift 0 of 2, 25 N 3 of 4, 35 N 6 of 6.
+        depth: How far into its sides the palms are commanded [m]; chosen: more than a policy's places are off, and at
+            600 N/m less than the squeeze.
     """
-    y = 0.5 * CARTON_WIDTH + PALM_FACE
-    middle, up = np.array([ON_TABLE[0] - 0.055 + off[0], off[1], TABLE_HEIGHT + 0.08]), np.array([0.0, 0.0, 0.10])
+    y = 0.5 * width + PALM_FACE
+    middle, up = np.array([ON_TABLE[0] - 0.045 + off[0], off[1], TABLE_HEIGHT + 0.10]), np.array([0.0, 0.0, 0.10])
 
-    def both(time: float, at: np.ndarray, half: float) -> Waypoint:
-        out = np.array([0.0, half, 0.0])
-        return Waypoint(time, at + out, at - out, -INWARDS, INWARDS)
+    def both(time: float, at: np.ndarray, half: float, push: float = 0.0, load: float = 0.0) -> Waypoint:
+        out, side, down = np.array([0.0, half, 0.0]), np.array([0.0, push, 0.0]), np.array([0.0, 0.0, -4.905 * load])
+        return Waypoint(time, at + out, at - out, -INWARDS, INWARDS, lforce=down + side, rforce=down - side)
 
     return _flat(
         waypoint_policy(
-            "lift_carton",
+            "lift_up",
             [
                 both(2.5, middle + 0.5 * up, y + 0.08),
                 both(3.3, middle, y + 0.04),
                 both(4.2, middle, y),
-                both(5.2, middle, y - depth),
-                both(10.2, middle + up, y - depth),
-                both(12.0, middle + up, y - depth),
+                both(5.2, middle, y - depth, squeeze),
+                both(7.2, middle + up, y - depth, squeeze, mass),
+                both(8.2, middle + up, y - depth, squeeze, mass),
             ],
         )
     )

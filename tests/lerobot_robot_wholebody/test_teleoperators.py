@@ -119,9 +119,11 @@ def test_a_motion_that_there_is_not_is_said_before_anything_moves(made, tmp_path
         made(WholebodyMotion, WholebodyMotionConfig, motion=str(tmp_path / "nothing.csv"))
 
 
-def test_what_a_motion_tells_and_an_action_cannot_is_said(standing, made, caplog):
-    made(WholebodyMotion, WholebodyMotionConfig, motion="press")
-    assert "forces that hands are to meet are no part of an action" in caplog.text
+def test_forces_of_a_motion_that_are_not_told_are_said_with_the_setting_that_tells_them(standing, made, caplog):
+    teleoperator = made(WholebodyMotion, WholebodyMotionConfig, motion="press")
+    standing.begin("episode")
+    driven(standing, teleoperator, STEP)
+    assert "with --robot.forces=true they are" in caplog.text
 
 
 class Held(InputController):

@@ -179,6 +179,71 @@ def test_halfway_between_opposite_rotations_a_hand_keeps_its_own():
         accepted.take({name: value for name, value in turned.items() if name in numbers.action_names}, stance)
 
 
+@pytest.fixture
+def told():
+    """Numbers of actions that tell forces, and what was accepted of a robot in its stance."""
+    numbers, stance = Numbers(forces=True), Anchor.nominal().observation()
+    return numbers, Accepted(numbers, stance), stance
+
+
+def test_actions_that_tell_forces_have_six_numbers_more_and_states_none(told):
+    numbers, plain = told[0], Numbers()
+    assert numbers.action_names == (*plain.action_names, *numbers.forces)
+    assert [name for name in numbers.forces if name.endswith(".pos")] == [
+        f"{side}_force_{axis}.pos" for side in ("left", "right") for axis in "xyz"
+    ]
+    assert numbers.state_names == plain.state_names
+    assert not plain.forces
+    assert WholebodyG1Config(forces=True).tells_forces
+    assert WholebodyG1Config(task="lift", clock="lockstep").tells_forces
+    assert not WholebodyG1Config(task="reach").tells_forces
+
+
+def test_a_force_is_told_in_the_stance_and_no_harder_than_a_hand_may_push(told):
+    _, accepted, stance = told
+    everything, said, taken = accepted.take({"left_force_y.pos": 30.0, "right_force_y.pos": -1e4}, stance)
+    assert said == {"f_lpalm", "f_rpalm"}
+    R = Anchor.nominal().T_world_stance[:3, :3]
+    np.testing.assert_allclose([everything["f_lpalm"], everything["f_rpalm"]], [30.0 * R[:, 1], -60.0 * R[:, 1]])
+    assert taken == pytest.approx({"left_force_y.pos": 30.0, "right_force_y.pos": -60.0})
+    everything, said, _ = accepted.take({"left_grasp.pos": 1.0}, stance)
+    assert said == {"q_lhand"}
+    np.testing.assert_allclose(everything["f_lpalm"], 30.0 * R[:, 1])  # as it was told last
+
+
+def test_on_the_way_back_that_a_rollout_ends_with_no_force_is_told(told):
+    """A palm that is told a force pushes with it wherever it is led: it would never let go."""
+    numbers, accepted, stance = told
+    accepted.take({"left_force_y.pos": 30.0}, stance)
+    everything, said, _ = accepted.take(numbers.state(stance), stance)
+    assert not everything["f_lpalm"].any()
+    assert "f_lpalm" in said
+
+
+def test_an_executed_action_has_the_forces_that_were_felt(told):
+    numbers, _, stance = told
+    felt = np.array([[1.0, 20.0, -5.0], [0.0, -18.0, -5.0]])
+    done = numbers.executed(stance, felt)
+    R = Anchor.nominal().T_world_stance[:3, :3]
+    np.testing.assert_allclose([done[name] for name in numbers.forces], (felt @ R).ravel())
+    assert not any(numbers.executed(stance)[name] for name in numbers.forces)
+
+
+def test_forces_that_nothing_gives_leave_the_robot_standing(tmp_path):
+    """Told as hard as they may be in the air, back, then to and fro at every step, then at random."""
+    robot, rng = made(tmp_path, forces=True, id="pushed"), np.random.default_rng(0)
+    robot.connect()
+    ways = [[-60.0, 0.0, 0.0] * 2] * 60 + [[60.0, -60.0, 0.0] * 2, [-60.0, 60.0, 0.0] * 2] * 30
+    for forces in [*ways, *rng.uniform(-60.0, 60.0, (60, 6))]:
+        robot.get_observation()
+        assert robot.send_action(dict(zip(robot.numbers.forces, forces, strict=True))).keys() == {*robot.numbers.forces}
+        robot.let_pass(STEP)
+    assert not robot.seen.fallen
+    robot.disconnect()
+    assert not robot.report["fell"]
+    assert robot.report["targets_refused"] == {}
+
+
 class Rows:
     """What `lerobot-record` writes to."""
 

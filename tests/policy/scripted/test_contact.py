@@ -7,7 +7,7 @@ import pytest
 
 from models import g1
 from models.mujoco_model import load_mujoco
-from models.places import BUTTON, BUTTON_TRAVEL, CRATE_WIDTH, LEVER, LEVER_TURN, TABLE_HEIGHT, WALL_AHEAD
+from models.places import BUTTON, BUTTON_TRAVEL, CARTON_WIDTH, CRATE_WIDTH, LEVER, LEVER_TURN, TABLE_HEIGHT, WALL_AHEAD
 from policy import PolicyError, scripted_policy
 from policy.action_spec.hands import grasp_posture
 from policy.scripted.contact import (
@@ -18,6 +18,7 @@ from policy.scripted.contact import (
     HAND_HALF,
     PALM_FACE,
     lift_box,
+    lift_up,
     press,
     pull_drawer,
     touch,
@@ -117,6 +118,18 @@ def test_forces_point_as_the_world_pushes_back():
     assert (left + right).min(axis=0) == pytest.approx([0.0, 0.0, -2.0 * 9.81])
     assert np.abs(left + right)[:, 1].max() < 1e-9  # what squeezes the crate cancels out
     assert (left[:, 1].max(), right[:, 1].min()) == pytest.approx((25.0, -25.0))
+
+
+@pytest.mark.parametrize(("width", "mass"), [(CARTON_WIDTH, 1.0), (CRATE_WIDTH, 2.0)])
+def test_a_box_is_lifted_from_where_it_stands_squeezed_before_it_rises(width, mass):
+    policy = lift_up(width, mass, (0.02, -0.01), squeeze=32.0)
+    motion = policy.script(np.array([0.0, 4.2, 5.2, 7.2, policy.duration]))
+    apart, middle = motion.p_world_lpalm - motion.p_world_rpalm, 0.5 * (motion.p_world_lpalm + motion.p_world_rpalm)
+    assert apart[1:3, 1] == pytest.approx([width + 2.0 * PALM_FACE, width + 2.0 * PALM_FACE - 0.06])
+    assert middle[3] - middle[2] == pytest.approx([0.0, 0.0, 0.10])
+    assert middle[2, 1] == pytest.approx(-0.01)
+    assert motion.f_world_lpalm[:3, 1] == pytest.approx([0.0, 0.0, 32.0])
+    assert (motion.f_world_lpalm + motion.f_world_rpalm)[-1] == pytest.approx([0.0, 0.0, -9.81 * mass])
 
 
 def test_tasks_go_to_the_places_of_their_scenes():
