@@ -51,7 +51,7 @@ RECORDINGS = {
     "reach": Recording(3.6, 1.5, 0.02),
     "pick": Recording(9.6, 2.5),
     "place": Recording(13.8, 2.0),
-    "lift": Recording(11.5, 2.5),
+    "lift": Recording(9.5, 2.5, 0.01),
 }
 """Recordings by task. Of a reach, chosen: a second at the goal, most of the way back, so that episodes begin around
 the stance, and aside by as much as a policy strays: what is recorded says how to come back, and at the goal that hands
