@@ -2,8 +2,8 @@
 
 Tipped over as it stands, a robot of 0.7 m meets the floor with its head at 3 to 10 m/s. Folded in 0.4 s it has little
 left to fall: knees, or the pelvis, come down first, and from then on joints brake what is left. Falling aside or back
-it turns its chest away, and comes down over hip and shoulder. Nothing is sensed of the floor but how high it was under
-the soles.
+it turns its chest away, and comes down over hip and shoulder. Nothing is sensed of the floor: it is under the lowest of
+soles, knees and pelvis.
 
 Source:
     Fujiwara, Kanehiro, Kajita, Kaneko, Yokoi and Hirukawa 2002, "UKEMI: Falling Motion Control to Minimize Damage to
@@ -98,6 +98,8 @@ up to which it is drawn in for that [rad/s]; by trial."""
 NEAR = (0.08, 0.06, 0.06)
 """Heights of palm point, wrist and elbow at which they touch the floor [m]; derived from the shapes of hand and
 forearm."""
+ROUND_OF = 0.07
+"""Height of knees and pelvis over the floor that they lie on [m]; derived from their shapes."""
 SOLVED, FORESEEN = 0.08, 0.02
 """Regularisation of the speeds by which an arm is drawn in [m^2], and time for which its positions lead them [s];
 chosen."""
@@ -128,6 +130,9 @@ class Descent:
         self._arms = [spec.limbs[f"{tool.side}_arm"] for tool in spec.tools]
         elbows = [next((spec.joint_names[i] for i in arm if spec.joints[i].part == "elbow"), "") for arm in self._arms]
         if self.known:
+            knees = [robot.frame_id(spec.joint_names[i]) for i in self._both["knee"]]
+            self._rounds = [(one, np.array([0.0, 0.0, -ROUND_OF])) for one in (*knees, robot.frame_id(spec.base_body))]
+            self._soles = [(robot.frame_id(foot.frame), point) for foot in spec.feet for point in foot.points]
             ends = zip(spec.tools, elbows, strict=True)
             self._guarded = [
                 [robot.frame_id(name) for name in (tool.palm_frame, tool.wrist_frame, elbow)] for tool, elbow in ends
@@ -135,7 +140,7 @@ class Descent:
 
     def begin(self, state: RobotState, way: complex) -> None:
         """Begin with a state, in the direction to which the robot falls, ``x + iy`` in world."""
-        robot, spec = self._robot, self._spec
+        robot = self._robot
         R = pin.Quaternion(state.q[3:7]).matrix()
         angle = phase(way * exp(-1j * atan2(R[1, 0], R[0, 0])))
         self._fold, self._side = AHEAD if abs(angle) < FORWARDS else ROUND, 1.0 if angle >= 0.0 else -1.0
@@ -143,9 +148,6 @@ class Descent:
         self._begin = np.clip(state.q[7:][robot.pin_to_motor], self._low, self._high)
         self._given: list[np.ndarray | None] = [None] * len(self._arms)
         self._goal = self._folded()
-        data = robot.scratch
-        pin.framesForwardKinematics(robot.model, data, state.q)
-        self._floor = min(float(data.oMf[robot.frame_id(foot.frame)].act(foot.sole_center)[2]) for foot in spec.feet)
 
     def _pair(self, part: str) -> list[int]:
         """Positions of the left and the right joint of that name in motor order, of those that the robot has."""
@@ -173,6 +175,7 @@ class Descent:
         """Command for one control period: positions, speeds and gains, no torques."""
         spec, order, fold = self._spec, self._robot.pin_to_motor, self._fold
         angles, rates, elapsed = state.q[7:][order], state.v[6:][order], state.time - self._time
+        self._look_under(state)
         if self._low_since is None and state.q[2] - self._floor < fold.low:
             self._low_since = elapsed
         low = 0.0 if self._low_since is None else _smooth((elapsed - self._low_since) / SOFTER)
@@ -188,6 +191,21 @@ class Descent:
         self._hold_trunk(state, low, angles, told)
         self._lead_arms(state, angles, rates, told)
         return JointCommand(state.time, np.clip(told.q, self._low, self._high), told.v, np.zeros(n), told.kp, told.kd)
+
+    def _look_under(self, state: RobotState) -> None:
+        """Take the lowest of soles, knees and pelvis to be on the floor, at rest.
+
+        The estimator of a real robot takes the soles to stand, and loses its height where they tip.
+        """
+        robot, data = self._robot, self._robot.scratch
+        pin.computeJointJacobians(robot.model, data, state.q)
+        pin.updateFramePlacements(robot.model, data)
+        arms = [data.oMf[frame].rotation @ point for frame, point in self._soles]
+        points = [*zip((frame for frame, _ in self._soles), arms, strict=True), *self._rounds]
+        frame, arm = min(points, key=lambda one: data.oMf[one[0]].translation[2] + one[1][2])
+        v = pin.getFrameJacobian(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED) @ state.v
+        self._floor = float(data.oMf[frame].translation[2] + arm[2])
+        self._rises = float(v[2] + v[3] * arm[1] - v[4] * arm[0])
 
     def _hold_trunk(self, state: RobotState, low: float, angles: np.ndarray, told: _Told) -> None:
         """Hold the pelvis at its lean by the hips, whatever the legs do."""
@@ -209,8 +227,6 @@ class Descent:
     def _lead_arms(self, state: RobotState, angles: np.ndarray, rates: np.ndarray, told: _Told) -> None:
         """Draw arms in so that they come to the floor slowly; let them give way once they are there."""
         robot, data = self._robot, self._robot.scratch
-        pin.computeJointJacobians(robot.model, data, state.q)
-        pin.updateFramePlacements(robot.model, data)
         for k, (arm, frames) in enumerate(zip(self._arms, self._guarded, strict=True)):
             told.kp[arm], told.kd[arm] = ARM_KP, ARM_KD
             rows, lacking, down = [], [], False
@@ -218,7 +234,7 @@ class Descent:
                 J = pin.getFrameJacobian(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)[2]
                 row = J[6:][robot.pin_to_motor][arm]
                 height = max(float(data.oMf[frame].translation[2]) - self._floor - near, 0.0)
-                slower = -(TOUCH_SPEED + SLOWER * height) - float(J @ state.v - row @ rates[arm])
+                slower = -(TOUCH_SPEED + SLOWER * height) - float(J @ state.v - row @ rates[arm] - self._rises)
                 down = down or height == 0.0
                 if slower > 0.0:
                     rows.append(row)
