@@ -1,7 +1,8 @@
 """``python -m tests.studies.environment_speed [EPISODES]``: how fast the environment is, with observations of state.
 
 An episode is four seconds of the expert's reach. Counted is the CPU time of both processes, the environment's and the
-robot's: simulated seconds over it are the multiple of real time of a process that has a core to itself.
+robot's: simulated seconds over it are the multiple of real time of a process that has a core to itself. The rate on the
+wall clock is told, too: started twice at once, both together say what a second process is worth.
 """
 
 import sys
@@ -32,7 +33,7 @@ def robots_cpu(env):
 
 
 def main(episodes):
-    env, rng, spent, robot = G1Env(), np.random.default_rng(0), [], []
+    env, rng, spent, robot, wall = G1Env(), np.random.default_rng(0), [], [], []
     for number in range(episodes):
         env.reset(seed=number)
         seen, numbers = env._seen.observation, env._numbers
@@ -41,7 +42,7 @@ def main(episodes):
         wrists = [T_stance_base @ anchor.poses[hand] for hand in ("lhand", "rhand")]
         palms = [palm_of(T, side, numbers) for T, side in zip(wrists, ("left", "right"), strict=True)]
         ways = [_Way.drawn(rng, *points) for points in zip(palms, env._task.goals, strict=True)]
-        begin = cpu(), robots_cpu(env)
+        begin, since = (cpu(), robots_cpu(env)), time.monotonic()
         for step in range(round(SECONDS * FPS)):
             hands = zip(ways, wrists, ("left", "right"), strict=True)
             poses = [wrist_at(way.at(step / FPS), T[:3, :3], side, numbers) for way, T, side in hands]
@@ -51,11 +52,13 @@ def main(episodes):
             env.step(action.astype(np.float32))
         spent.append(cpu() - begin[0])
         robot.append(robots_cpu(env) - begin[1])
+        wall.append(time.monotonic() - since)
         print(f"{number}: {spent[-1]:.2f} s here, {robot[-1]:.2f} s of the robot's process", flush=True)
     env.close()
     total = np.array(spent) + np.array(robot)
     print(f"CPU a simulated second: median {np.median(total) / SECONDS:.3f} s, worst {total.max() / SECONDS:.3f} s")
     print(f"multiple of real time: median {SECONDS / np.median(total):.2f}, least {SECONDS / total.max():.2f}")
+    print(f"on the wall clock: median {SECONDS / np.median(wall):.2f} simulated seconds a second")
 
 
 if __name__ == "__main__":
