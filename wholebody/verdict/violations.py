@@ -293,7 +293,8 @@ def _reasons(result: EpisodeResult, known: set[Reason | PalmCause]) -> Iterator[
             what, mark, then = detail.partition(";")
             count = len(result.steps)
             detail = f"{what} in {count} step{'' if count == 1 else 's'}{mark}{then}"
-        severity = REASON_SEVERITY[reason.status]
+        # A run that ends before the robot is down has no fall yet.
+        severity = Severity.INFEASIBLE if reason is Reason.DESCENDING else REASON_SEVERITY[reason.status]
         yield Violation(**_named(kind), severity=severity, subject=detail, time=time, value=seconds, unit="s")
 
 

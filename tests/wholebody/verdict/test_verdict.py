@@ -85,6 +85,7 @@ def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
     ("changes", "code"),
     [
         ({"fall": Fall(2.5, "pelvis at 0.19 m")}, "fall"),
+        ({"reasons": (Reason.DESCENDING,) * 10}, "descending"),
         ({"refusals": [Refusal(1.0, "chunk_invalid", "T_world_lhand has NaN at step 7")]}, "refused"),
         ({"moved": 0.3, "errors": 0.3, "reasons": (Reason.INTO_FLOOR,) * 10}, "into_floor"),
         ({"moved": 0.3, "errors": 0.3}, "position"),
