@@ -24,6 +24,7 @@ BASE_SPEED_MAX = 10.0
 _POSES = ("T_world_lhand", "T_world_rhand")
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _FORCES = {"f_world_lpalm": (3,), "f_world_rpalm": (3,), "force_max": (2,), "stiffness": (2,)}
+_BY_HAND = ("force_max", "stiffness")
 _OPTIONAL = ("q_larm", "q_rarm", "q_waist", "q_legs", "base_height", "base_velocity", *_FORCES)
 
 
@@ -49,8 +50,9 @@ class ActionChunk:
         base_velocity: Planar velocity of the pelvis x, y [m/s] and yaw rate [rad/s], shape (H, 3).
         f_world_lpalm, f_world_rpalm: Force that the world is expected to put on each palm, shape (H, 3), [N]: where it
             touches, the hand pushes against it, and the body leans.
-        force_max: Largest force with which left and right hand push, shape (H, 2), [N]; the controller's if None.
-        stiffness: Of each hand while it touches, shape (H, 2), [N/m]; the controller's if None.
+        force_max: Largest force with which left and right hand push, shape (H, 2), or along each axis of the stance
+            (ahead, to the left, up), (H, 2, 3), [N]; the controller's if None.
+        stiffness: Of each hand while it touches, shape (H, 2), or along these axes, (H, 2, 3), [N/m]; likewise.
         hands_in: Frame in which the layout has the hands, a `policy.action_spec.slot.Frame`, or ``soles`` where its
             legs put the pelvis over these: a robot that walks meanwhile carries them in it. Poses that a program makes
             in world stay there.
@@ -126,9 +128,10 @@ class ActionChunk:
             self._check_poses()
         for name, shape in _shapes(robot or g1()).items():
             if name not in _OPTIONAL or getattr(self, name) is not None:
-                self._check_array(name, (steps, *shape))
+                by_axis = name in _BY_HAND and np.ndim(getattr(self, name)) == 3
+                self._check_array(name, (steps, *shape, 3) if by_axis else (steps, *shape))
         self._check_base()
-        for name in ("force_max", "stiffness"):
+        for name in _BY_HAND:
             value = getattr(self, name)
             if value is not None and not (np.asarray(value) >= 0.0).all():
                 raise ChunkError(f"{name} is {np.min(value):g}; it must not be negative", slot=name)

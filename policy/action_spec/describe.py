@@ -137,6 +137,8 @@ def _heading(slot: Slot, robot: RobotSpec) -> str:
         parts.append(f"{wrist}{offset} in the {slot.frame}")
     if slot.kind == "force":
         parts.append(f"of the world on the palm, in the {slot.frame}")
+    if slot.kind == "axes":
+        parts.append("ahead, to the left and up in the stance, either way")
     if slot.kind == "ignored":
         return f"{slot.name}: {slot.size} ignored: {slot.reason}"
     if slot.closing is not None:

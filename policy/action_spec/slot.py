@@ -13,7 +13,7 @@ from policy.geometry.rotations import QuaternionOrder, Rot6dLayout
 
 SlotKind = Literal[
     "position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "fingers",
-    "scalar", "velocity", "planar", "tilt", "force", "ignored",
+    "scalar", "velocity", "planar", "tilt", "force", "axes", "ignored",
 ]  # fmt: skip
 Mode = Literal["absolute", "relative_se3", "relative_add", "delta", "delta_se3"]
 Frame = Literal["pelvis", "pelvis_yaw", "torso", "stance", "world"]
@@ -22,7 +22,7 @@ Orientation = Literal["given", "free"]
 ROTATIONS: tuple[SlotKind, ...] = ("rot6d", "quaternion", "rotvec", "rpy")
 SIZES: dict[SlotKind, int] = {
     "position": 3, "rot6d": 6, "quaternion": 4, "rotvec": 3, "rpy": 3,
-    "scalar": 1, "velocity": 3, "planar": 2, "tilt": 2, "force": 3,
+    "scalar": 1, "velocity": 3, "planar": 2, "tilt": 2, "force": 3, "axes": 3,
 }  # fmt: skip
 """Width of each kind; a slot of joints or fingers is as wide as its list of names, an ignored one as it says."""
 
@@ -64,6 +64,7 @@ UNITS: dict[SlotKind, dict[str, tuple[float, float]]] = {
         "N/m": (1.0, 0.0),
     },
     "force": {"N": (1.0, 0.0)},
+    "axes": {"N": (1.0, 0.0), "N/m": (1.0, 0.0)},
     "velocity": {"m/s, rad/s": (1.0, 0.0)},
     "planar": {"m/s": (1.0, 0.0)},
     "tilt": {"rad": (1.0, 0.0), "deg": (np.pi / 180.0, 0.0)},
@@ -100,7 +101,7 @@ TARGETS: dict[str, tuple[SlotKind, ...]] = {
     "left_leg": ("joint",),
     "right_leg": ("joint",),
     **dict.fromkeys(OF_TOUCH[:2], ("force",)),
-    **dict.fromkeys(OF_TOUCH[2:], ("scalar",)),
+    **dict.fromkeys(OF_TOUCH[2:], ("scalar", "axes")),
 }
 """What a slot may drive, with the kinds it may have; joints are those of that part of the robot, in any order."""
 SLOTS_MAX = 200
@@ -115,6 +116,7 @@ _SUFFIXES: dict[SlotKind, tuple[str, ...]] = {
     "planar": ("vx", "vy"),
     "tilt": ("roll", "pitch"),
     "force": ("x", "y", "z"),
+    "axes": ("x", "y", "z"),
 }
 
 
@@ -130,7 +132,7 @@ class Slot:
         unit: Unit of the numbers, a key of ``UNITS[kind]``.
         frame: Frame that wrist poses and forces are in: the pelvis, the pelvis's upright yaw frame, the torso, the
             stance (between the soles, level, heading along the feet), or world. A base height in the stance is above
-            the soles.
+            the soles. Limits and stiffnesses along axes are along those of the stance.
         tcp_offset: Tool point in the wrist frame (axes of ``*_wrist_yaw_link``) whose position is given, [m].
         rot6d_layout: ``rows``, ``cols`` or ``interleaved``; needed for rot6d, forbidden elsewhere.
         quaternion_order: ``xyzw`` or ``wxyz``; needed for quaternions, forbidden elsewhere.
@@ -174,8 +176,10 @@ class Slot:
         one_of(f"slot '{self.name}': mode", self.mode, get_args(Mode))
         one_of(f"slot '{self.name}': orientation", self.orientation, get_args(Orientation))
         one_of(f"slot '{self.name}': kind", self.kind, TARGETS[self.name])
-        units = _SCALAR_UNITS.get(self.name, _GRASP_UNITS) if self.kind == "scalar" else UNITS[self.kind]
+        units = _SCALAR_UNITS.get(self.name, _GRASP_UNITS) if self.kind in ("scalar", "axes") else UNITS[self.kind]
         one_of(f"slot '{self.name}': unit", self.unit, units)
+        if self.kind == "axes":
+            one_of(f"slot '{self.name}': of the kind 'axes', frame", self.frame, ("stance",))
         self._check_size()
         self._check_convention("rot6d_layout", "rot6d", get_args(Rot6dLayout))
         self._check_convention("quaternion_order", "quaternion", get_args(QuaternionOrder))

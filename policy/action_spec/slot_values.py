@@ -117,19 +117,25 @@ def decode_touch(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> dict[
     for name, otherwise in NOT_SAID.items():
         slots = [spec.slot(f"{side}_{name}") for side, _, _ in _HANDS]
         if any(slots):
-            columns = [
-                np.full(len(actions), otherwise) if s is None else resolved(s, actions, anchor)[:, 0] for s in slots
-            ]
-            found[name] = np.stack(columns, axis=1)
+            none = np.full((len(actions), 1), otherwise)
+            columns = np.broadcast_arrays(*(none if s is None else resolved(s, actions, anchor) for s in slots))
+            values = np.stack(columns, axis=1)
+            found[name] = values[..., 0] if values.shape[-1] == 1 else values
     return found
 
 
 def encode_touch(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
-    """SI values (H, size) of a slot of a hand that touches; what the chunk does not say is no force, and `NOT_SAID`."""
+    """SI values (H, size) of a slot of a hand that touches; what the chunk does not say is no force, and `NOT_SAID`.
+
+    One number has the least of what a chunk says of axes.
+    """
     side, _, name = slot.name.partition("_")
     palm, hand = next((palm, hand) for known, palm, hand in _HANDS if known == side)
     if slot.kind == "force":
         force = getattr(chunk, f"f_world_{palm}")
         return np.zeros((len(chunk), 3)) if force is None else force @ frame_pose(slot, anchor)[:3, :3]
     values = getattr(chunk, name)
-    return np.full((len(chunk), 1), NOT_SAID[name]) if values is None else values[:, [hand]]
+    if values is None:
+        return np.full((len(chunk), slot.size), NOT_SAID[name])
+    of_hand = values[:, hand].reshape(len(chunk), -1)
+    return of_hand.min(axis=1, keepdims=True) if slot.size == 1 else np.broadcast_to(of_hand, (len(chunk), 3))

@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
+from types import UnionType
 from typing import Any, get_args, get_type_hints
 
 import yaml
@@ -163,6 +164,8 @@ def _about(name: str, owner: object) -> str:
 
 def _value(kind: type, value: object, place: Locate, path: tuple[str, ...]) -> object:
     """A value of a setting's type: a number, a name, or a list of numbers."""
+    if isinstance(kind, UnionType):
+        kind = next(k for k in get_args(kind) if bool(get_args(k)) == isinstance(value, list | tuple))
     entries = get_args(kind)
     try:
         if not entries:

@@ -6,7 +6,7 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from wholebody.config.touch import TouchConfig
-from wholebody.robot.touch import FORCE, STIFFNESS, TOLD, TOLD_GIVE
+from wholebody.robot.touch import AXIS_MAX, FORCE, HEADING, STIFFNESS, TOLD, TOLD_GIVE, push_limits, stance_axes
 
 PRESSED_TIME, PRESSED_MORE = 0.3, 0.4
 """Time constant with which a hand at rest comes to feel the force that it is told [s], and the largest share by which
@@ -29,7 +29,9 @@ class AskedForces:
         chunk: The last one that said something; None if none did.
         forces: That the world is expected to put on each palm now, world axes, shape (2, 3), [N].
         counted: Those that the plan counts on, which leans against them, shape (2, 3), [N].
-        limits: Largest forces of both hands now [N].
+        limits: Largest forces of both hands now, shape (2,), [N].
+        axes: Largest along each axis of the stance, infinite without such limits, shape (2, 3), [N].
+        by_axis: Whether axes have limits or stiffnesses of their own.
     """
 
     def __init__(self, config: TouchConfig, rows: np.ndarray) -> None:
@@ -40,7 +42,10 @@ class AskedForces:
         """Nothing is said."""
         self.chunk: ActionChunk | None = None
         self.forces, self.counted = np.zeros((2, 2, 3))
-        self.limits, self._more = [self._config.force_max] * 2, [0.0, 0.0]
+        self.limits, self.axes = push_limits(self._config.force_max)
+        self.by_axis = bool(np.ndim(self._config.force_max) or np.ndim(self._config.stiffness))
+        self._rows[:, STIFFNESS:AXIS_MAX] = np.divide(self._config.stiffness, self._config.mass)
+        self._rows[:, HEADING:], self._more = (1.0, 0.0), [0.0, 0.0]
 
     @property
     def told(self) -> bool:
@@ -63,10 +68,12 @@ class AskedForces:
         for hand, force in enumerate((chunk.f_world_lpalm, chunk.f_world_rpalm)):
             self.forces[hand] = 0.0 if force is None or over else force[step]
         self._rows[:, TOLD : TOLD + 3] = -self.forces / config.mass
-        stiffness = config.stiffness if chunk.stiffness is None else np.minimum(chunk.stiffness[step], STIFFEST)
-        self._rows[:, STIFFNESS] = stiffness / config.mass
-        most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step]
-        self.limits = np.minimum(most, config.force_max).tolist()
+        stiffness, said = config.stiffness, [] if chunk.force_max is None else [chunk.force_max[step]]
+        if chunk.stiffness is not None:
+            stiffness = np.minimum(chunk.stiffness[step], STIFFEST).reshape(2, -1)
+        self._rows[:, STIFFNESS:AXIS_MAX] = np.divide(stiffness, config.mass)
+        self.limits, self.axes = push_limits(config.force_max, *said)
+        self.by_axis |= any(part is not None and part.ndim == 3 for part in (chunk.force_max, chunk.stiffness))
 
     def size(self, hand: int) -> float:
         """Size of the force that is expected on a palm now [N]."""
@@ -93,8 +100,10 @@ class AskedForces:
         row, told = self._rows[hand], self.size(hand)
         u = -self.forces[hand] / told
         if rests:
-            away = float(u @ short)
-            give = row[STIFFNESS] * self._config.mass * (away - min(max(away, -AT_PLACE), AT_PLACE)) / told
+            away, stiffness, axes = float(u @ short), row[STIFFNESS:AXIS_MAX], stance_axes(row[HEADING:])
+            least = stiffness.min()
+            along = float(least + (u @ axes) ** 2 @ (stiffness - least))
+            give = along * self._config.mass * (away - min(max(away, -AT_PLACE), AT_PLACE)) / told
             wanted, felt = 1.0 + min(max(give, -TOLD_GIVE), TOLD_GIVE), float(-u @ row[FORCE : FORCE + 3]) / told
             more = self._more[hand] + elapsed / PRESSED_TIME * (wanted - felt)
             self._more[hand] = min(max(more, -PRESSED_MORE), PRESSED_MORE)

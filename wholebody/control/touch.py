@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import cos, exp, sin, sqrt
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface, turned
 from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.touch import (
+    AXIS_MAX,
     FORCE,
+    HEADING,
     MOBILITY,
     MOMENT,
     PUSH_MAX,
@@ -26,6 +28,7 @@ from wholebody.robot.touch import (
     STIFFNESS,
     TOLD_SHARE,
     arm_force,
+    stance_axes,
     stretched,
     tipping_share,
 )
@@ -103,7 +106,6 @@ class Touch:
         """Nothing is touched."""
         self._rows[:] = 0.0
         self._rows[:, MOBILITY] = 1.0 / self._config.mass
-        self._rows[:, STIFFNESS] = self._config.stiffness / self._config.mass
         self.shares, self.since = [0.0, 0.0], [float("nan")] * 2
         self._settled, self.changed, self._held = True, False, [False, False]
         self._leaning.reset()
@@ -145,6 +147,9 @@ class Touch:
             return
         left, right = observer.sizes
         self.asked.listen(now)
+        if self.asked.by_axis:
+            heading = self._controller.contacts.feet.heading
+            self._rows[:, HEADING:] = cos(heading), sin(heading)
         calm = self._settled and not self._leaning.unfelt
         if self.asked.chunk is None and calm and left < found and right < found:
             return
@@ -252,13 +257,15 @@ class Touch:
 
         A hand that is led away resists with up to what draws it, past the limits on what it may push: it cannot yield.
         """
-        at, config = PALM * hand, self._config
-        push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
+        at, config, own = PALM * hand, self._config, self._rows[hand]
+        axes, largest = stance_axes(own[HEADING:]), self.asked.axes[hand]
+        push = axes @ (own[STIFFNESS:AXIS_MAX] * ((row[at + 9 : at + 12] - palms[hand]) @ axes))
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
         if (told := self.asked.size(hand)) > 0.0:
             along = self.asked.forces[hand].dot(self._velocity[hand]) / told
             rests = self.shares[hand] == 1.0 and abs(along) < MOVING
             push = self.asked.make_up(hand, row[at + 9 : at + 12] - palms[hand], rests=rests, elapsed=elapsed)
+        push = axes @ np.clip(push @ axes, -largest / config.mass, largest / config.mass)
         if (size := sqrt(push.dot(push))) == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
@@ -266,13 +273,14 @@ class Touch:
         most = min(self.asked.limits[hand], share * tips, UNTOLD_SHARE * spends)
         if told > 0.0:
             most = max(most, min(1.5 * told * config.mass, self.asked.limits[hand], TOLD_SHARE * tips, spends))
-        felt, tick, (shoulder, elbow) = self._rows[hand, FORCE:MOMENT], self._controller.compiled.tick, self._ends[hand]
+        felt, tick, (shoulder, elbow) = own[FORCE:MOMENT], self._controller.compiled.tick, self._ends[hand]
         ends = stretched(tick.p[shoulder], tick.p[elbow], tick.frame_p[PALM_FRAME + hand], felt)
         away = self._into[hand].dot(self._met[hand] - palms[hand])
         share = min(max((away - PULLED) / (PULLED_END - PULLED), ends, 0.0), 1.0)
         self._drawn[hand] = min(max((away - LED) / (PULLED - LED), ends, 0.0), 1.0)
-        most += share * max(sqrt(felt.dot(felt)) - most, 0.0)
-        self._rows[hand, PUSH_MAX] = most / config.mass
+        drawn = sqrt(felt.dot(felt))
+        own[PUSH_MAX] = (most + share * max(drawn - most, 0.0)) / config.mass
+        own[AXIS_MAX:HEADING] = (largest + share * np.maximum(drawn - largest, 0.0)) / config.mass
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
         """Force along a unit vector (3,) on a palm (3,) [m] that takes the centre of pressure to the edge [N]."""

@@ -55,6 +55,12 @@ class Feet:
         """``T_world_foot``, left and right."""
         return pin.SE3(self.R[0], self.p[0]), pin.SE3(self.R[1], self.p[1])
 
+    @cached_property
+    def heading(self) -> float:
+        """Angle about the vertical of the mean of both feet's x axes [rad]."""
+        x, y, _ = self.R[:, :, 0].sum(axis=0)
+        return atan2(y, x)
+
     def same(self, other: Feet) -> bool:
         """Whether other feet are there to the bit."""
         return np.array_equal(self.R, other.R) and np.array_equal(self.p, other.p)
@@ -84,7 +90,7 @@ class Feet:
         nominal = Feet.at(spec, model, q, data)
         if not self.differ(nominal, CLOSE, CLOSE):
             return q
-        turn = pin.exp3(np.array([0.0, 0.0, _heading(self) - _heading(nominal)]))
+        turn = pin.exp3(np.array([0.0, 0.0, self.heading - nominal.heading]))
         here, there = (feet.floor(spec).point for feet in (nominal, self))
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(turn, there - turn @ here) * pin.XYZQUATToSE3(q[:7]))
         return self._reached(spec, model, data, q)
@@ -105,12 +111,6 @@ class Feet:
                 break
             q = pin.integrate(model, q, give * np.linalg.lstsq(np.vstack(rows) * give, error, rcond=None)[0])
         return q
-
-
-def _heading(feet: Feet) -> float:
-    """Angle about the vertical of the mean of both feet's x axes [rad]."""
-    x, y, _ = feet.R[:, :, 0].sum(axis=0)
-    return atan2(y, x)
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-SHARE, FORCE, MOMENT, PUSH_MAX, STIFFNESS, MOBILITY, TOLD, TOUCH = 0, 1, 4, 7, 8, 9, 10, 13
+SHARE, FORCE, MOMENT, PUSH_MAX, MOBILITY, TOLD = 0, 1, 4, 7, 8, 9
+STIFFNESS, AXIS_MAX, HEADING, TOUCH = 12, 15, 18, 20
 """Where in the row are: how far the hand touches (0 to 1); force [N] and moment [N m] on it at the palm point, in world
-axes (3 each); the largest acceleration that it pushes with [m/s^2], its stiffness [1/s^2], one over its apparent mass
-[1/kg]; the acceleration with which the hand is told to push, in world axes (3) [m/s^2]; and the row's length."""
+axes (3 each); the largest acceleration that it pushes with [m/s^2], one over its apparent mass [1/kg]; the acceleration
+with which the hand is told to push, in world axes (3) [m/s^2]; along each axis of the stance (ahead, to the left, up)
+its stiffness [1/s^2] and the largest acceleration (3 each) [m/s^2]; cosine and sine of the stance's heading; and the
+row's length."""
 TOLD_GIVE = 0.2
 """Share by which a hand pushes harder or less than it is told where it is not at its place [no unit]; chosen: a press
 of 10 N within 3 N, and friction that is told is overcome."""
@@ -24,6 +27,27 @@ took the body along, and it fell."""
 TORQUE_SHARE, TOLD_SHARE = 0.85, 0.9
 """Share of a joint's torque that a push may use, with what the arm's weight takes, and share of the force that tips
 with which a hand pushes that is told to [no unit]; chosen: the rest turns the hand, and holds the balance."""
+
+
+def push_limits(*said: np.ndarray | tuple[float, ...] | float) -> tuple[np.ndarray, np.ndarray]:
+    """Limits that hold together: on the size of both hands' pushes (2,), and along each axis of the stance (2, 3) [N].
+
+    Args:
+        said: Each a number, one a hand (2,), one an axis (3,), or one a hand and axis (2, 3). Where axes have their
+            own, the largest of them bounds the size too.
+    """
+    size, axes = np.full(2, np.inf), np.full((2, 3), np.inf)
+    for limit in map(np.asarray, said):
+        by_axis = limit.shape[-1:] == (3,)
+        size = np.minimum(size, limit.max(axis=-1) if by_axis else limit)
+        axes = np.minimum(axes, limit) if by_axis else axes
+    return size, axes
+
+
+def stance_axes(heading: np.ndarray) -> np.ndarray:
+    """Axes of the stance in world, columns of a (3, 3), from cosine and sine of its heading."""
+    cos, sin = heading
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def tipping_share(

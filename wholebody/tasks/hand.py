@@ -6,7 +6,20 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.robot.state import Robot
-from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOLD, TOLD_GIVE, TOUCH, TURN_TOUCHING
+from wholebody.robot.touch import (
+    AXIS_MAX,
+    FORCE,
+    HEADING,
+    MOBILITY,
+    PUSH_MAX,
+    SHARE,
+    STIFFNESS,
+    TOLD,
+    TOLD_GIVE,
+    TOUCH,
+    TURN_TOUCHING,
+    stance_axes,
+)
 from wholebody.tasks.base import Objective, limited
 
 
@@ -18,7 +31,8 @@ class HandTask:
 
     A hand that touches is a mass on a spring whose force is bounded, in place of the linear rows:
     ``target = push - kd velocity + force / mass - drift`` with ``push = a_ref + kd velocity_ref + stiffness error``,
-    no longer than ``push_max``. At rest the force on it is then ``- mass push``: it yields to a larger one.
+    along each axis of the stance and altogether no longer than it may be. At rest the force on it is then
+    ``- mass push``: it yields to a larger one.
     Where it is told how hard to push, the spring's part of ``push`` along that is what it is told, more or less by
     `TOLD_GIVE`.
 
@@ -76,12 +90,14 @@ class HandTask:
             [limited(self.kp * error[:3], self.feedback_max[0]), limited(self.kp * error[3:], turn_max)]
         )
         wanted = self.acceleration_ref + self.kd * (self.twist_ref - velocity) + feedback
-        push = touch[STIFFNESS] * error[:3]
+        R, stiffness, largest = stance_axes(touch[HEADING:]), touch[STIFFNESS:AXIS_MAX], touch[AXIS_MAX:HEADING]
+        push = R @ (stiffness * (R.T @ error[:3]))
         if (size := float(np.linalg.norm(touch[TOLD : TOLD + 3]))) > 0.0:
             direction = touch[TOLD : TOLD + 3] / size
             along = float(push @ direction)
             push += (size + min(max(along, -TOLD_GIVE * size), TOLD_GIVE * size) - along) * direction
         push += self.kd * self.twist_ref[:3] + self.acceleration_ref[:3]
+        push = R @ np.clip(R.T @ push, -largest, largest)
         yielding = limited(push, touch[PUSH_MAX]) - self.kd * velocity[:3] + touch[FORCE : FORCE + 3] * touch[MOBILITY]
         wanted[:3] = (1.0 - share) * wanted[:3] + share * yielding
         return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.trust * self.weight)

@@ -47,6 +47,25 @@ def test_forces_limits_and_stiffnesses_go_through_a_layout_in_any_frame(frame):
         np.testing.assert_allclose(getattr(found, name), getattr(chunk, name), atol=1e-9)
 
 
+def test_axes_go_through_a_layout_and_one_number_is_the_least_of_them():
+    chunk, axes = chunk_that_touches(), {"kind": "axes", "size": 3, "frame": "stance"}
+    both = [{"name": f"{side}_force_max", "unit": "N", **axes} for side in ("left", "right")]
+    wrists = [*wrist("left"), *wrist("right")]
+    spec = ActionSpec(name="x", slots=stack(*wrists, *both, {"name": "left_stiffness", "unit": "N/m", **axes}))
+    assert ActionSpec.from_json(spec.to_json()) == spec
+    assert "left_force_max: axes [N], ahead, to the left and up in the stance, either way" in lines(spec)
+    assert spec.feature_names[-3:] == tuple(f"left_stiffness_{axis}.pos" for axis in "xyz")
+    rng, steps = np.random.default_rng(1), len(chunk)
+    told = replace(chunk, force_max=rng.uniform(5.0, 60.0, (steps, 2, 3)))
+    found = decode(spec, encode(spec, told, ANCHOR), ANCHOR)
+    np.testing.assert_allclose(found.force_max, told.force_max)
+    np.testing.assert_allclose(found.stiffness[:, 0], np.tile(chunk.stiffness[:, :1], 3))
+    assert (found.stiffness[:, 1] == NOT_SAID["stiffness"]).all()
+    plain = layout("left_force_max")
+    least = decode(plain, encode(plain, told, ANCHOR), ANCHOR).force_max[:, 0]
+    np.testing.assert_allclose(least, told.force_max[:, 0].min(axis=1))
+
+
 def test_a_force_in_the_pelvis_is_turned_as_the_pelvis_is():
     spec = layout("left_force", frame="pelvis")
     actions = encode(spec, wandering_chunk(ANCHOR, seed=1), ANCHOR)
@@ -96,6 +115,9 @@ def test_the_page_of_a_layout_says_whose_force_it_is_and_specs_keep_their_hash()
         ({"name": "left_force", "mode": "delta"}, "is absolute, not 'delta'"),
         ({"name": "left_force", "size": 2}, "size 2; the kind 'force' has 3 numbers"),
         ({"name": "left_stiffness", "kind": "scalar", "size": 1, "unit": "N"}, "unit 'N' is unknown"),
+        ({"name": "left_stiffness", "kind": "axes", "frame": "stance"}, "unit 'N' is unknown"),
+        ({"name": "left_force_max", "kind": "axes"}, "of the kind 'axes', frame 'pelvis' is unknown; possible: stance"),
+        ({"name": "left_force_max", "kind": "axes", "frame": "stance", "size": 2}, "size 2; the kind 'axes' has 3"),
         (
             {"name": "left_force_max", "kind": "scalar", "size": 1, "unit": "N", "mode": "relative_add"},
             "is absolute, not 'relative_add'",

@@ -183,6 +183,15 @@ def test_names_in_a_file_cannot_move_the_cursor(tmp_path):
         load_config(tmp_path / "c.yaml")
 
 
+def test_limits_of_hands_are_a_number_or_one_an_axis():
+    read = config_from({"touch": {"force_max": [40, 40, "8"], "stiffness": 300}}).touch
+    assert (read.force_max, read.stiffness) == ((40.0, 40.0, 8.0), 300.0)
+    assert "force_max: [40.0, 40.0, 8.0]" in dump_config(ControllerConfig(touch=read))
+    for wrong, says in (([1, 2], "a list of 3 numbers, got 2"), ([1, 2, -1], "is -1; 0 to 10000 N"), ("a", "a finite")):
+        with pytest.raises(ConfigError, match=says):
+            config_from({"touch": {"force_max": wrong}})
+
+
 def test_a_configuration_made_in_python_can_be_checked():
     check_config(ControllerConfig())
     with pytest.raises(ConfigError, match=r"hand\.kp is nan; 0 to 1e\+06 1/s\^2 is expected"):

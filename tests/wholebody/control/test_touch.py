@@ -15,14 +15,15 @@ from policy.errors import ChunkError
 from policy.scripted.contact import touch, wipe
 from policy.scripted.library import lissajous, scripted_policy
 from policy.scripted.policy import stance_pose, to_chunk
-from tests.support.felt import Run, robot_in
+from tests.support.felt import Felt, Run, robot_in
 from tests.support.wide import wide
 from wholebody.config import ControllerConfig
+from wholebody.config.touch import TouchConfig
 from wholebody.control.asked_forces import STIFFEST
 from wholebody.control.touch import GRAVITY
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.robot.touch import STIFFNESS, stretched
+from wholebody.robot.touch import AXIS_MAX, STIFFNESS, stretched
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason, Status
 
@@ -159,6 +160,11 @@ def test_forces_limits_and_stiffness_of_a_chunk_are_checked():
         replace(chunk, force_max=np.full((len(chunk), 2), -1.0)).validate()
     with pytest.raises(ChunkError, match="stiffness is nan at step 0"):
         replace(chunk, stiffness=np.full((len(chunk), 2), np.nan)).validate()
+    replace(chunk, force_max=np.full((len(chunk), 2, 3), 9.0)).validate()
+    with pytest.raises(ChunkError, match=r"stiffness has shape \(\d+, 2, 2\); \(\d+, 2, 3\) is expected"):
+        replace(chunk, stiffness=np.full((len(chunk), 2, 2), 9.0)).validate()
+    with pytest.raises(ChunkError, match="force_max is -2; it must not be negative"):
+        replace(chunk, force_max=np.full((len(chunk), 2, 3), -2.0)).validate()
 
 
 def standing():
@@ -202,9 +208,66 @@ def test_a_chunk_may_lower_the_limits_of_a_hand_and_not_raise_them(supervisor):
         replace(chunk, force_max=np.tile([10.0, 1e6], (steps, 1)), stiffness=np.tile([100.0, 1e6], (steps, 1)))
     )
     touch.asked.listen(chunk.t_obs)
-    assert touch.asked.limits == [10.0, limit]
-    stiffness = supervisor.controller.touch[:, STIFFNESS] * ControllerConfig().touch.mass
-    assert stiffness.tolist() == [100.0, STIFFEST]
+    assert touch.asked.limits.tolist() == [10.0, limit]
+    mass = ControllerConfig().touch.mass
+    stiffness = mass * supervisor.controller.touch[:, STIFFNESS:AXIS_MAX]
+    assert stiffness.tolist() == [[100.0] * 3, [STIFFEST] * 3]
+    assert not touch.asked.by_axis
+    by_axis = {
+        "force_max": np.tile([5.0, 40.0, 1e6], (steps, 2, 1)),
+        "stiffness": np.tile([300.0, 9.0, 1e6], (steps, 2, 1)),
+    }
+    touch.expect(replace(chunk, **by_axis))
+    touch.asked.listen(chunk.t_obs)
+    assert (touch.asked.limits.tolist(), touch.asked.axes.tolist()) == ([limit] * 2, [[5.0, 40.0, 1e6]] * 2)
+    stiffness = mass * supervisor.controller.touch[:, STIFFNESS:AXIS_MAX]
+    assert stiffness.tolist() == [[300.0, 9.0, STIFFEST]] * 2
+
+
+def test_a_hand_may_be_soft_along_one_axis_and_firm_along_the_others():
+    """Led 24 mm into a table with 8 N up and 40 N level, and pushed aside with 20 N, it gives way as far as 600 N/m do.
+
+    What it is felt to push with is within a tenth of the limit, and the estimate within 1 N of what is true.
+    """
+    begin, steps = stance_pose(), 75
+    way = np.minimum(np.arange(steps) / 30.0, 1.0)[:, None]
+    motion = replace(
+        begin,
+        p_world_lpalm=begin.p_world_lpalm + way * (np.array([0.36, 0.2, 0.77]) - begin.p_world_lpalm),
+        p_world_rpalm=np.tile(begin.p_world_rpalm, (steps, 1)),
+    )
+    plant, sup = MujocoPlant(SPEC, scene="table"), Supervisor(SPEC)
+    felt = Felt(plant, pull=("left", lambda time, q: np.array([0.0, -20.0 if time > 4.0 else 0.0, 0.0])))
+    state = plant.state()
+    sup.reset(state)
+    chunk = to_chunk(motion, builtin("wbc32").id, 0, 0.0, 15.0, steps)
+    sup.accept(replace(chunk, force_max=np.tile([40.0, 40.0, 8.0], (steps, 2, 1))))
+    seen = []
+    while state.time < 6.0:
+        state = plant.step(sup.step(state))
+        seen.append(sup.touch.forces[0, 2])
+    rests = felt.column(0) > 2.5
+    assert np.median(np.array(seen)[rests]) <= 1.1 * 8.0
+    assert np.median(felt.column(1)[rests, 0, 2]) <= 1.1 * 8.0 + 1.0
+    aside = felt.column(2)[:, 0, 1]
+    assert 0.015 < aside[np.argmax(felt.column(0) > 4.0)] - aside[-1] < 20.0 / 600.0
+
+
+@pytest.mark.parametrize(("push", "held"), [((0.0, -12.0, 0.0), False), ((12.0, 0.0, 0.0), True)])
+def test_axes_of_settings_turn_with_the_feet(push, held):
+    """A robot that looks along y, with 5 N ahead and 40 N aside: pushed back a hand goes, pushed aside it stays."""
+    sup = Supervisor(SPEC, ControllerConfig(touch=TouchConfig(force_max=(5.0, 40.0, 40.0))))
+    plant = MujocoPlant(SPEC)
+    state = plant.state()
+    q = state.q.copy()
+    q[:2], q[3:7] = [-q[1], q[0]], [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+    state = plant.reset(replace(state, q=q))
+    felt = Felt(plant, pull=("left", lambda time, q: np.array(push)))
+    sup.reset(state)
+    while state.time < 1.0:
+        state = plant.step(sup.step(state))
+    away = felt.column(2)[:, 0]
+    assert (np.linalg.norm(away[-1] - away[0]) < 1.5 * 12.0 / 600.0) == held
 
 
 @pytest.mark.regression

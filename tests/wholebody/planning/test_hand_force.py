@@ -7,6 +7,7 @@ follows from it: softer holds, forces that cancel tip nothing, a told touch is n
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from policy.action_spec.builtin import builtin
 from policy.scripted.policy import stance_pose, to_chunk
@@ -50,6 +51,10 @@ def test_forces_on_both_hands_count_together_and_limits_of_a_chunk_hold():
     assert margin(judge(squeeze), "hand_force").margin > 0.0 > margin(judge(shove), "hand_force").margin
     limited = replace(pushing([0.0, 0.0, 20.0]), force_max=np.full((50, 2), 10.0))
     assert margin(judge(limited), "hand_force").bound == 10.0
+    by_axis = replace(limited, force_max=np.tile([40.0, 40.0, 9.0], (50, 2, 1)))
+    assert margin(judge(by_axis), "hand_force").bound == pytest.approx(9.0)
+    askew = replace(pushing([0.0, 12.0, 16.0]), force_max=by_axis.force_max)
+    assert margin(judge(askew), "hand_force").bound == pytest.approx(9.0 / 0.8)
     assert not [one for one in judge(pushing([0.0, 0.0, 0.0])).margins if one.code == "hand_force"]
 
 

@@ -74,7 +74,9 @@ def touch(controller, rng, size):
     for row in controller.touch:
         told = rng.integers(2) * rng.normal(scale=5.0, size=3)
         wrench = min(size, 1.0) * np.concatenate([rng.normal(scale=10.0, size=3), rng.normal(size=3)])
-        row[:] = [rng.uniform() * rng.integers(2), *wrench, rng.uniform(0.0, 30.0), 300.0, 0.5, *told]
+        push, angle = rng.uniform(0.0, 30.0, 4), rng.uniform(-3.0, 3.0)
+        axes = [*rng.uniform(50.0, 500.0, 3), *push[1:], np.cos(angle), np.sin(angle)]
+        row[:] = [rng.uniform() * rng.integers(2), *wrench, push[0], 0.5, *told, *axes]
     controller.lean[:], controller.tipped[:] = 0.02 * rng.normal(size=(2, 2))
     controller.braced[:] = rng.uniform(0.0, 9.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import cos, inf, sin
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from wholebody.config import ControllerConfig
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.state import Robot
-from wholebody.robot.touch import LEAN_MAX, TOLD_SHARE, arm_force, tipping_share
+from wholebody.robot.touch import LEAN_MAX, TOLD_SHARE, arm_force, push_limits, stance_axes, tipping_share
 from wholebody.trajopt.robot_tables import RobotTables
 
 POSTURE_SPACING = 0.1
@@ -54,12 +54,16 @@ class HandForce:
         wanted, sizes = np.stack(forces, axis=1), np.linalg.norm(forces, axis=2).T
         sizes = np.where(sizes < FORCE_MIN, 0.0, sizes)
         self._robot.loads.carry(loads)
+        heading = body.footing.feet.heading
+        to_axes = stance_axes(np.array([cos(heading), sin(heading)]))
         spacing = max(round(POSTURE_SPACING * chunk.fps), 1)
         steps = set(range(0, len(chunk), spacing)) | set(sizes.argmax(axis=0).tolist())
         for k in sorted(step for step in steps if sizes[step].any()):
             q = plan.trajectory.q[plan.trajectory.row(plan.start + plan.rate * (k / chunk.fps - plan.start))]
-            most = self._most if chunk.force_max is None else np.minimum(chunk.force_max[k], self._most)
-            bounds = self._bounds(q, wanted[k], sizes[k], body, np.broadcast_to(most, 2))
+            most, axes = push_limits(self._most, *([] if chunk.force_max is None else [chunk.force_max[k]]))
+            along = np.abs(wanted[k] @ to_axes) / np.maximum(sizes[k], FORCE_MIN)[:, None]
+            most = np.minimum(most, (axes / np.maximum(along, 1e-9)).min(axis=1))
+            bounds = self._bounds(q, wanted[k], sizes[k], body, most)
             for hand in np.flatnonzero(sizes[k]).tolist():
                 value, bound = float(sizes[k, hand]), bounds[hand]
                 share = (bound - value) / max(bound, 1.0)

@@ -13,7 +13,18 @@ from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.frames import PALM_FRAME, PELVIS_FRAME, TORSO_FRAME, shorten
 from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, MOMENTUM_DRIFT
 from wholebody.robot.kernels.rotation import rotation_between
-from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOLD, TOLD_GIVE, TURN_TOUCHING
+from wholebody.robot.touch import (
+    AXIS_MAX,
+    FORCE,
+    HEADING,
+    MOBILITY,
+    PUSH_MAX,
+    SHARE,
+    STIFFNESS,
+    TOLD,
+    TOLD_GIVE,
+    TURN_TOUCHING,
+)
 
 DAMPING = 10.0
 """With which joints slow down where the program does without the hands [1/s]; chosen, no trial is on record."""
@@ -72,9 +83,13 @@ def touching_target(
     target: Vector
 ) -> None:  # fmt: skip
     """Linear rows of a hand that touches, as `HandTask`: it pushes no harder than it may, and yields to the force."""
-    share, stiffness, largest = touch[SHARE], touch[STIFFNESS], touch[PUSH_MAX]
+    share, cos, sin = touch[SHARE], touch[HEADING], touch[HEADING + 1]
     for k in range(3):
-        push[k] = stiffness * (ref[9 + k] - q[k] - x[k])
+        push[k] = ref[9 + k] - q[k] - x[k]
+    turn_level(push, cos, -sin)
+    for k in range(3):
+        push[k] *= touch[STIFFNESS + k]
+    turn_level(push, cos, sin)
     told = math.sqrt(touch[TOLD] ** 2 + touch[TOLD + 1] ** 2 + touch[TOLD + 2] ** 2)
     if told > 0.0:
         along = 0.0
@@ -85,10 +100,19 @@ def touching_target(
             push[k] += more * touch[TOLD + k] / told
     for k in range(3):
         push[k] += kd * ref[12 + k] + ref[18 + k]
-    shorten(push, 0, largest)
+    turn_level(push, cos, -sin)
+    for k in range(3):
+        push[k] = min(max(push[k], -touch[AXIS_MAX + k]), touch[AXIS_MAX + k])
+    turn_level(push, cos, sin)
+    shorten(push, 0, touch[PUSH_MAX])
     for k in range(3):
         wanted = push[k] - kd * velocity[k] + touch[FORCE + k] * touch[MOBILITY] - drift[k]
         target[k] = (1.0 - share) * target[k] + share * wanted
+
+
+def turn_level(x: Vector, cos: float, sin: float) -> None:
+    """Turn a vector about the vertical by the angle of that cosine and sine."""
+    x[0], x[1] = cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]
 
 
 def orientation_target(tick: Packed, ref: Vector, gain: Vector, f: int) -> None:
