@@ -45,7 +45,7 @@ class AskedForces:
         self.limits, self.axes = push_limits(self._config.force_max)
         self.by_axis = bool(np.ndim(self._config.force_max) or np.ndim(self._config.stiffness))
         self._rows[:, STIFFNESS:AXIS_MAX] = np.divide(self._config.stiffness, self._config.mass)
-        self._rows[:, HEADING:], self._more = (1.0, 0.0), [0.0, 0.0]
+        self._rows[:, AXIS_MAX:], self._more = (np.inf, np.inf, np.inf, 1.0, 0.0), [0.0, 0.0]
 
     @property
     def told(self) -> bool:

@@ -258,14 +258,16 @@ class Touch:
         A hand that is led away resists with up to what draws it, past the limits on what it may push: it cannot yield.
         """
         at, config, own = PALM * hand, self._config, self._rows[hand]
-        axes, largest = stance_axes(own[HEADING:]), self.asked.axes[hand]
-        push = axes @ (own[STIFFNESS:AXIS_MAX] * ((row[at + 9 : at + 12] - palms[hand]) @ axes))
+        axes, largest = stance_axes(own[HEADING:]) if self.asked.by_axis else None, self.asked.axes[hand]
+        push, stiffness = row[at + 9 : at + 12] - palms[hand], own[STIFFNESS:AXIS_MAX]
+        push = stiffness * push if axes is None else axes @ (stiffness * (push @ axes))
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
         if (told := self.asked.size(hand)) > 0.0:
             along = self.asked.forces[hand].dot(self._velocity[hand]) / told
             rests = self.shares[hand] == 1.0 and abs(along) < MOVING
             push = self.asked.make_up(hand, row[at + 9 : at + 12] - palms[hand], rests=rests, elapsed=elapsed)
-        push = axes @ np.clip(push @ axes, -largest / config.mass, largest / config.mass)
+        if axes is not None:
+            push = axes @ np.clip(push @ axes, -largest / config.mass, largest / config.mass)
         if (size := sqrt(push.dot(push))) == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
@@ -280,7 +282,8 @@ class Touch:
         self._drawn[hand] = min(max((away - LED) / (PULLED - LED), ends, 0.0), 1.0)
         drawn = sqrt(felt.dot(felt))
         own[PUSH_MAX] = (most + share * max(drawn - most, 0.0)) / config.mass
-        own[AXIS_MAX:HEADING] = (largest + share * np.maximum(drawn - largest, 0.0)) / config.mass
+        if axes is not None:
+            own[AXIS_MAX:HEADING] = (largest + share * np.maximum(drawn - largest, 0.0)) / config.mass
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
         """Force along a unit vector (3,) on a palm (3,) [m] that takes the centre of pressure to the edge [N]."""
