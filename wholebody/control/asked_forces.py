@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import cos, sin
+
 import numpy as np
 
 from policy.chunk import ActionChunk
@@ -74,6 +76,23 @@ class AskedForces:
         self._rows[:, STIFFNESS:AXIS_MAX] = np.divide(stiffness, config.mass)
         self.limits, self.axes = push_limits(config.force_max, *said)
         self.by_axis |= any(part is not None and part.ndim == 3 for part in (chunk.force_max, chunk.stiffness))
+
+    def turn(self, heading: float) -> None:
+        """Have the axes of the stance ahead along a heading [rad]."""
+        self._rows[:, HEADING:] = cos(heading), sin(heading)
+
+    def spring(self, hand: int, short: np.ndarray) -> np.ndarray:
+        """Acceleration with which a hand is drawn to where it is commanded, ``short`` (3,) [m] away, (3,) [m/s^2]."""
+        stiffness = self._rows[hand, STIFFNESS:AXIS_MAX]
+        if not self.by_axis:
+            return stiffness * short
+        axes = stance_axes(self._rows[hand, HEADING:])
+        return axes @ (stiffness * (short @ axes))
+
+    def within(self, hand: int, push: np.ndarray) -> np.ndarray:
+        """An acceleration (3,) [m/s^2] as each axis of the stance allows it."""
+        axes, largest = stance_axes(self._rows[hand, HEADING:]), self.axes[hand] / self._config.mass
+        return axes @ np.clip(push @ axes, -largest, largest)
 
     def size(self, hand: int) -> float:
         """Size of the force that is expected on a palm now [N]."""

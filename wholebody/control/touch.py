@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, exp, sin, sqrt
+from math import exp, sqrt
 
 import numpy as np
 
@@ -25,10 +25,8 @@ from wholebody.robot.touch import (
     MOMENT,
     PUSH_MAX,
     SHARE,
-    STIFFNESS,
     TOLD_SHARE,
     arm_force,
-    stance_axes,
     stretched,
     tipping_share,
 )
@@ -148,8 +146,7 @@ class Touch:
         left, right = observer.sizes
         self.asked.listen(now)
         if self.asked.by_axis:
-            heading = self._controller.contacts.feet.heading
-            self._rows[:, HEADING:] = cos(heading), sin(heading)
+            self.asked.turn(self._controller.contacts.feet.heading)
         calm = self._settled and not self._leaning.unfelt
         if self.asked.chunk is None and calm and left < found and right < found:
             return
@@ -258,16 +255,14 @@ class Touch:
         A hand that is led away resists with up to what draws it, past the limits on what it may push: it cannot yield.
         """
         at, config, own = PALM * hand, self._config, self._rows[hand]
-        axes, largest = stance_axes(own[HEADING:]) if self.asked.by_axis else None, self.asked.axes[hand]
-        push, stiffness = row[at + 9 : at + 12] - palms[hand], own[STIFFNESS:AXIS_MAX]
-        push = stiffness * push if axes is None else axes @ (stiffness * (push @ axes))
+        push = self.asked.spring(hand, row[at + 9 : at + 12] - palms[hand])
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
         if (told := self.asked.size(hand)) > 0.0:
             along = self.asked.forces[hand].dot(self._velocity[hand]) / told
             rests = self.shares[hand] == 1.0 and abs(along) < MOVING
             push = self.asked.make_up(hand, row[at + 9 : at + 12] - palms[hand], rests=rests, elapsed=elapsed)
-        if axes is not None:
-            push = axes @ np.clip(push @ axes, -largest / config.mass, largest / config.mass)
+        if self.asked.by_axis:
+            push = self.asked.within(hand, push)
         if (size := sqrt(push.dot(push))) == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
@@ -282,7 +277,8 @@ class Touch:
         self._drawn[hand] = min(max((away - LED) / (PULLED - LED), ends, 0.0), 1.0)
         drawn = sqrt(felt.dot(felt))
         own[PUSH_MAX] = (most + share * max(drawn - most, 0.0)) / config.mass
-        if axes is not None:
+        if self.asked.by_axis:
+            largest = self.asked.axes[hand]
             own[AXIS_MAX:HEADING] = (largest + share * np.maximum(drawn - largest, 0.0)) / config.mass
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
