@@ -34,6 +34,10 @@ lost."""
 INTERVAL, SEEN = 1.0 / 30.0, 3
 """Time between two targets for which steps aside are said [s], and values before one is looked for; chosen: a policy's
 actions, and never twice in a row: a target that sets off at once is followed from its second value on."""
+BENDS, LATELY = 3.0, 4
+"""How many times as far beside as a motion led lately a value is a step aside [no unit], and over how many values;
+measured on actions of a policy that lifts a carton: where its chunks meet, what comes 0.2 s later is foretold within 16
+mm RMS, 45 by a bound of 12 mm, and waves, a lissajous and scatter as before."""
 
 _TIMES = np.linspace(0.0, 8.0, 4001)
 _WAYS = np.array([x * np.sqrt(np.pi / 2.0) * erf(x / np.sqrt(2.0)) + np.exp(-0.5 * x * x) - 1.0 for x in _TIMES])
@@ -46,8 +50,9 @@ class Foretelling:
     Args:
         speed: Fastest change between two values that is a motion; what is faster is a jump, and begins anew [1/s].
         far: How far they are foretold to go at most.
-        step: How far beside where its last two values lead a value is a step aside, `INTERVAL` after them; later as
-            much more as a motion then bends. It begins anew: what is foretold from it as a motion leads far away.
+        step: How far beside where its last two values lead a value may be a step aside, `INTERVAL` after them; later
+            as much more as a motion then bends. It is one where that is `BENDS` times as far as lately, and then begins
+            anew: what is foretold from it as a motion leads far away.
     """
 
     def __init__(self, speed: float, far: float, step: float = np.inf) -> None:
@@ -82,9 +87,9 @@ class Foretelling:
         """Whether a value is a step aside from a motion that has been seen for `SEEN` values."""
         if len(self._values) < SEEN:
             return False
-        (t0, x0), (t1, x1) = self._values[-2], self._values[-1]
-        beside = value - x1 - (x1 - x0) * (time - t1) / (t1 - t0)
-        return bool(np.linalg.norm(beside) > self._step * max(1.0, ((time - t1) / INTERVAL) ** 2))
+        lately = [*self._values, (time, value)][-LATELY - 3 :]
+        beside = [_beside(*three) for three in zip(lately, lately[1:], lately[2:], strict=False)]
+        return beside[-1] > max(self._step, BENDS * max(beside[:-1]))
 
     def at(self, ages: np.ndarray, until: float) -> np.ndarray:
         """Values at ages after the last ones, shape (H, n).
@@ -101,6 +106,13 @@ class Foretelling:
         weights = np.linalg.solve(system, np.vstack([ways[:, n:], np.ones(len(ages) + 1)]))[:n]
         way = weights.T @ (values - last)
         return last + way[:-1] * min(1.0, self._far / max(float(np.linalg.norm(way[-1])), 1e-9))
+
+
+def _beside(first: tuple, second: tuple, third: tuple) -> float:
+    """How far a value is beside where the two before it lead, of times and values; less by as much as it is late."""
+    (t0, x0), (t1, x1), (t2, x2) = first, second, third
+    far = float(np.linalg.norm(x2 - x1 - (x1 - x0) * (t2 - t1) / (t1 - t0)))
+    return far / max(1.0, ((t2 - t1) / INTERVAL) ** 2)
 
 
 def _way(times: np.ndarray) -> np.ndarray:

@@ -13,11 +13,11 @@ FREE, STOP = 0.2, 0.26
 from 0.1 to 0.2 s after it was asked for, and rests at the end of the chunk."""
 LATE = 2.5
 """Intervals between two targets after which no more are expected; chosen: one may be lost, and the next late."""
-WRIST, FINGERS = ((2.5, 0.15, 0.012), (12.0, 1.0, 0.08)), (10.0, 2.0)
+WRIST, FINGERS = ((2.5, 0.15, 0.002), (12.0, 1.0, 0.015)), (10.0, 2.0, 0.03)
 """Fastest motion of a target, and how far it goes on without being told: position [m/s, m], orientation [rad/s, rad]
 and fingers; the limits of a hand in `wholebody.reference.HandLimits`, and measured: further on, plans lead fast hands
-out of reach, with 0.1 m they brake too early. Last, steps aside [m], [rad]; measured: a trained policy's chunks meet
-with 10 to 25 mm, which were foretold as 0.1 m; a lissajous of 1.1 m/s bends by 6 mm."""
+out of reach, with 0.1 m they brake too early. Last, what may be a step aside [m], [rad]; measured: a trained policy's
+chunks meet with 7 to 21 mm, and 8 mm were foretold as 0.1 m; less than 2 mm lead nowhere."""
 
 
 class WristTrack:

@@ -104,6 +104,24 @@ def test_a_step_aside_begins_anew_and_is_not_foretold_as_a_motion():
     assert beside[1] > 0.03
 
 
+@pytest.mark.parametrize("aside", [0.005, 0.008, 0.02])
+def test_a_step_aside_is_told_by_how_much_a_motion_bent_before(aside):
+    """Hands that held a carton lurched by 65 mm where a policy's chunks met with 8 mm, and lost it."""
+    track = Foretelling(2.5, 0.15, 0.002)
+    for time in np.arange(18) / 30.0:
+        track.add(time, np.array([0.1 * time * time + (aside if time > 0.56 else 0.0)]))
+    np.testing.assert_array_equal(track.at(AGES, 0.3)[:, 0], track.last[1][0])
+
+
+def test_a_motion_that_bends_by_more_at_every_value_takes_no_step():
+    for motion in (lambda t: 0.3 * np.sin(5.0 * t), lambda t: 2.0 * t**3):
+        track = told(motion, np.arange(18) / 30.0)
+        stepping = Foretelling(2.5, 9.0, 0.002)
+        for time in np.arange(18) / 30.0:
+            stepping.add(time, np.atleast_1d(motion(time)))
+        np.testing.assert_array_equal(stepping.at(AGES, 0.3), track.at(AGES, 0.3))
+
+
 def test_a_target_that_sets_off_at_once_is_a_motion_from_its_second_value_on():
     track = Foretelling(2.5, 9.0, 0.012)
     for time in np.arange(-10, 3) / 30.0:
