@@ -20,6 +20,7 @@ from wholebody.execution.ahead.foreseen import Foreseen
 from wholebody.execution.feet.elsewhere import StandElsewhereError, require_reach
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
+from wholebody.planning.reachability.standing_place import StandingPlace
 from wholebody.reference.surface import Surface, kept_out
 from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import Loads
@@ -86,9 +87,9 @@ class PlanAnswer:
     took: float = 0.0
 
     @property
-    def base(self) -> tuple[float, float, float] | None:
+    def elsewhere(self) -> StandingPlace | None:
         """Where the robot is to stand for the chunk instead; None if here, or nowhere."""
-        return self.error.base if isinstance(self.error, StandElsewhereError) else None
+        return self.error.place if isinstance(self.error, StandElsewhereError) else None
 
 
 Compute = Callable[[PlanRequest], ChunkPlan]

@@ -124,7 +124,7 @@ class Handover:
         if answer is None or request is None or answer.request is not request:
             return None
         self._asked, self.planning_time = None, answer.took
-        late, plan = followed > request.due + 0.5 * self._dt and answer.base is None, answer.plan
+        late, plan = followed > request.due + 0.5 * self._dt and answer.elsewhere is None, answer.plan
         short = plan is not None and plan.report.timed_out and self.lead < self._config.lead_max
         bad = plan is not None and not plan.report.safe
         if short and request.before is not None:

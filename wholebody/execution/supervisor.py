@@ -198,8 +198,8 @@ class Supervisor(Commands):
     def _cleared(self, answer: PlanAnswer) -> ChunkPlan | None:
         """The plan that has come, to be followed in its time; None where it is not, and its chunk is refused."""
         request, plan, chunk = answer.request, answer.plan, answer.request.chunk
-        if answer.base is not None:
-            self.walk_to(answer.base)
+        if answer.elsewhere is not None:
+            self._walk_for(answer.elsewhere)
             if not self._stepping.coming:  # planned from here
                 self._stepping.beyond, self._waiting = ends(chunk), self._waiting or chunk
             return None

@@ -19,6 +19,7 @@ from wholebody.execution.handover import Handover
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.standing import Reflex
 from wholebody.execution.states import State
+from wholebody.planning.reachability.standing_place import StandingPlace
 from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.types import Reason, RobotState, StatusReport
 from wholebody.walking.places import Place, Velocity
@@ -92,6 +93,11 @@ class Commands(statuses.Following):
         self._following()
         return self._walk(self._no_walk() or wanted.goal(base, self._stepping.base))
 
+    def _walk_for(self, there: StandingPlace) -> StatusReport:
+        """Walk to where a chunk is in reach, arms on their way to the posture that reaches it there."""
+        told = self._no_walk() or wanted.goal(there.base, self._stepping.base)
+        return self._walk(told, there.posture.q)
+
     def walk(self, velocity: Sequence[float]) -> StatusReport:
         """Walk with a velocity of the base: ahead, to the left [m/s] and about the vertical [rad/s], in its own axes.
 
@@ -131,8 +137,8 @@ class Commands(statuses.Following):
         """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
         return self._stepping.moved_for(self._now) or super().moved_for
 
-    def _walk(self, told: Place | Velocity | StatusReport) -> StatusReport:
-        return told if isinstance(told, StatusReport) else self._go(partial(self._stepping.walk, told))
+    def _walk(self, told: Place | Velocity | StatusReport, q_there: np.ndarray | None = None) -> StatusReport:
+        return told if isinstance(told, StatusReport) else self._go(partial(self._stepping.walk, told, q_there))
 
     def _go(self, walk: Callable[[RobotState, float], StatusReport]) -> StatusReport:
         """Begin or change a walk; the plan is left for it."""

@@ -11,7 +11,7 @@ from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.errors import PlanningError
 from wholebody.planning.plan import ChunkPlan
-from wholebody.planning.reachability.standing_place import stand_for
+from wholebody.planning.reachability.standing_place import StandingPlace, stand_for
 from wholebody.robot.feet import Feet
 from wholebody.types import Reason
 
@@ -21,14 +21,14 @@ plans keep further from their bounds than a posture."""
 
 
 class StandElsewhereError(PlanningError):
-    """A chunk is in reach from another base; ``base`` is that one: x, y [m] and heading [rad]."""
+    """A chunk is in reach from another base; ``place`` is that one, with a posture that reaches it there."""
 
-    def __init__(self, base: tuple[float, float, float]) -> None:
-        super().__init__(base)
-        self.base = base
+    def __init__(self, place: StandingPlace) -> None:
+        super().__init__(place)
+        self.place = place
 
     def __str__(self) -> str:
-        x, y, heading = self.base
+        x, y, heading = self.place.base
         return f"its hands are out of reach from here; from ({x:.2f}, {y:.2f}), heading {heading:.2f} rad, they are not"
 
 
@@ -43,7 +43,7 @@ def require_reach(chunk: ActionChunk, plan: ChunkPlan, spec: RobotSpec, config: 
     left, right = ends(chunk)
     place = stand_for(left, right, base_of(plan.contacts.feet(), spec), config, spare=SPARE)
     if place.reached and place.steps > 0:
-        raise StandElsewhereError(place.base)
+        raise StandElsewhereError(place)
 
 
 def base_of(feet: Feet, spec: RobotSpec) -> tuple[float, float, float]:

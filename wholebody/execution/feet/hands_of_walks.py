@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
+from policy.geometry.se3 import make_transform
 from wholebody.reference import HandLimits
 from wholebody.robot.state import Robot
 
@@ -27,6 +28,8 @@ INSIDE = 0.005
 """How far inside of those bounds hands are drawn that are beyond [m]; chosen: what rounding and sway come to."""
 DRAWS = 12
 """Times that they are drawn into one bound after the other; measured: after 8 none is beyond any of them."""
+TOWARDS = 11
+"""Shares of the way to a posture that are looked at [no unit]; chosen: a tenth of it apart."""
 
 LOW, BACK, RAMP, OUT = 0.15, 0.1, 0.1, 0.28
 """Height over the pelvis and place ahead of it below which recorded hands are beside the thighs, the way over which
@@ -38,11 +41,15 @@ class HandsOfWalks:
     """Where the arms of a robot reach while its trunk is upright over its feet.
 
     Args:
-        robot: The robot; only its model is kept.
+        robot: The robot; its state is not used.
         stance: Of its joints and base, shape (nq,).
     """
 
     def __init__(self, robot: Robot, stance: np.ndarray) -> None:
+        arms = np.concatenate([robot.spec.limbs[f"{side}_arm"] for side in ("left", "right")])
+        self._robot, self._stance = robot, stance.copy()
+        self._is_arm = np.concatenate([np.zeros(7), np.isin(robot.motor_to_pin, arms)])
+        self._frames = (robot.spec.base_body, *(tool.wrist_frame for tool in robot.spec.tools))
         pin.framesForwardKinematics(robot.model, robot.scratch, stance)
         base = robot.scratch.oMf[robot.frame_id(robot.spec.base_body)]
         chains = []
@@ -52,6 +59,22 @@ class HandsOfWalks:
             chains.append(np.array([base.actInv(robot.scratch.oMi[i]).translation for i in ids]))
         self._shoulders = np.array([chain[0] for chain in chains])
         self._lengths = np.array([np.linalg.norm(np.diff(chain, axis=0), axis=1).sum() for chain in chains])
+
+    def towards(self, q_there: np.ndarray) -> np.ndarray:
+        """Wrists in the upright pelvis, shape (2, 4, 4), with arms as near to a posture (nq,) as a walk can have them.
+
+        They are on the way of the joints from the stance to it.
+        """
+        robot, still = self._robot, self._stance
+        low = make_transform(np.eye(3), np.array([0.0, 0.0, -LOWERED]))
+        for share in np.linspace(1.0, 0.0, TOWARDS):
+            q = still + share * self._is_arm * (q_there - still)
+            pin.framesForwardKinematics(robot.model, robot.scratch, q)
+            base, *wrists = (robot.scratch.oMf[robot.frame_id(name)] for name in self._frames)
+            T = np.stack([base.actInv(wrist).homogeneous for wrist in wrists])
+            if all(self.why_not_there(T[:, None, :3, 3], pelvis) is None for pelvis in (np.eye(4), low)):
+                break
+        return T
 
     def why_not(self, chunk: ActionChunk, T_pelvis: np.ndarray, limits: tuple[HandLimits, ...]) -> str | None:
         """Why hands of a chunk are none that a walk can have, in words; None where it can.

@@ -62,6 +62,7 @@ class LedWalk(ABC):
     _planted: PlantedFeet
     not_led: str | None
     _hands: HandsOfWalks
+    _there: np.ndarray | None
     _calm: tuple[HandLimits, ...]
     _states: Machine
     _smoother: ReferenceSmoother
@@ -95,7 +96,8 @@ class LedWalk(ABC):
             q = self._log.at(chunk.t_obs) if self.active else None
             T = seen_frame(chunk.hands_in, self._anchor(state.q if q is None else q))
             low = self.active and self._log.covers(chunk.t_obs - self._walker.gait.shift)
-            self.led = self._followable(LedChunk(chunk, T, now, seen_low=low, rides=rides))
+            led = LedChunk(chunk, T, now, seen_low=low, rides=rides)
+            self.led = self._followable(led) if self._there is None or not rides else self._on_the_way(now)
         if self.led is None and before is not None and self.active:
             self._let_be() if self._is_told else self.stop()
 
@@ -108,6 +110,12 @@ class LedWalk(ABC):
         fault = self._hands.why_not(led.carried(here), pelvis, self._calm)
         self.not_led = None if led.rides else fault
         return led if fault is None else None
+
+    def _on_the_way(self, now: float) -> LedChunk:
+        """What a walk to where a chunk is in reach does with the hands meanwhile, now [s]."""
+        T_pelvis = planar(self.base) @ self._pelvis_in_base(float(self._planted.stance[2]))
+        there = standing.staying(T_pelvis @ self._there, self._smoother.motion.q_finger, now)
+        return LedChunk(replace(there, hands_in="pelvis"), T_pelvis, now, rides=True)
 
     @property
     def begins(self) -> bool:

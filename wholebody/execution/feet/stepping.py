@@ -85,6 +85,7 @@ class Stepping(LedWalk):
         self._calm, self._log, self.led = calm(limits), StateLog(config.dt), None
         self._gave_up = self._is_told = False
         self._hands, self.not_led = HandsOfWalks(controller.robot, planted.stance), None
+        self._there: np.ndarray | None = None
         self.beyond: np.ndarray | None = None
         self._ready = ReadyToWalk(controller.robot, planted.stance, self._hands)
         self.contacts, self.then = planted.contacts, None
@@ -124,9 +125,13 @@ class Stepping(LedWalk):
         x, y, heading = base_of(self._planted.feet, self._controller.spec)
         return Place(complex(x, y), heading)
 
-    def walk(self, wanted: Place | Velocity, state: RobotState, now: float) -> StatusReport:
-        """Go to a goal, or follow a velocity, from the present state on, now [s]; hands that ride along go on."""
+    def walk(self, wanted: Place | Velocity, q_there: np.ndarray | None, state: RobotState, now: float) -> StatusReport:
+        """Go to a goal, or follow a velocity, from the present state on, now [s].
+
+        Hands that ride along go on; on the way to a posture ``q_there`` (nq,) arms go towards it.
+        """
         self.led = self.led if self.led is not None and self.led.rides else None
+        self._there = None if q_there is None else self._hands.towards(q_there)
         self._wanted, self._is_told = wanted, True
         self._until = now + LASTS if isinstance(wanted, Velocity) else inf
         return self._go(state, now)

@@ -4,27 +4,22 @@ It does not fall; hands keep their place about the robot; what it stands on and 
 One that is never told to walk does to the bit what one does that never steps.
 """
 
-from copy import copy
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from models import g1
 from policy.scripted.library import scripted_policy
-from policy.scripted.policy import to_chunk
 from tests.support.felt import Felt
+from tests.support.steps import held, is_in, run
 from tests.support.wide import wide
 from wholebody.config import ControllerConfig, RobotConfig
 from wholebody.episode.run import EpisodeConfig, followed, observe, run_episode
 from wholebody.errors import ConfigError, InputError
-from wholebody.execution import statuses
-from wholebody.execution.feet import elsewhere, wanted
+from wholebody.execution.feet import wanted
 from wholebody.execution.feet.stepping import LASTS
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.states import State
 from wholebody.execution.supervisor import Supervisor
-from wholebody.sim.fall import detect_fall
 from wholebody.sim.limit_monitor import LimitMonitor
 from wholebody.sim.pictures.scene import scene_at
 from wholebody.sim.plant import MujocoPlant
@@ -47,26 +42,12 @@ def plant(supervisor):
     return plant
 
 
-def run(supervisor, plant, until, longest, look=None):
-    while not until():
-        state = plant.state()
-        assert state.time < longest, f"it is {supervisor.state.value}: {supervisor.status}"
-        plant.step(supervisor.step(state))
-        assert detect_fall(plant, plant.state(), supervisor.status.status) is None
-        if look is not None:
-            look()
-
-
 def reaching(supervisor, plant):
     policy = scripted_policy("reach")
     policy.reset()
     chunk = policy.infer(observe(SPEC, supervisor, plant.state()))
     supervisor.accept(chunk)
     return chunk
-
-
-def is_in(supervisor, state):
-    return lambda: supervisor.state is state
 
 
 def palms(supervisor, plant):
@@ -152,23 +133,6 @@ def test_a_robot_whose_hand_is_pulled_does_not_walk(supervisor, plant):
     supervisor.accept(held(0.8, 0.8, plant.state().time))
     run(supervisor, plant, lambda: plant.state().time > 3.0, 3.1)
     assert supervisor.state in (State.HOLDING, State.FOLLOWING)
-
-
-def test_what_a_gate_does_not_see_is_not_walked_to(plant):
-    one, asked = Supervisor(SPEC, CONFIG, gate=lambda request, plan: asked.append(request) or statuses.GATE_LATE), []
-    one.reset(plant.reset())
-    one.accept(held(0.8, 0.8, 0.0))
-    run(one, plant, lambda: plant.state().time > 1.0, 1.1)
-    assert asked
-    assert one.state is not State.WALKING
-
-
-def test_a_chunk_that_no_walk_may_begin_for_is_planned_from_here(supervisor, plant, monkeypatch):
-    far = SimpleNamespace(reached=True, steps=30, base=(50.0, 0.0, 0.0))
-    monkeypatch.setattr(elsewhere, "stand_for", lambda *_, **__: far)
-    supervisor.accept(held(0.8, 0.8, 0.0))
-    run(supervisor, plant, lambda: supervisor.chunk is not None, 1.0)
-    assert supervisor.state is State.FOLLOWING
 
 
 def test_a_velocity_is_scaled_to_what_it_can_do_and_forgotten_after_a_second(supervisor, plant):
@@ -326,58 +290,6 @@ def test_a_walker_that_walks_again_begins_from_there(supervisor, plant):
     state.q[2] -= 0.1
     walker.begin(state)
     assert walker._standing_height == pytest.approx(first - 0.1)
-
-
-def held(x, z, t_obs, seq=0):
-    """A chunk whose palms are there from its first step on."""
-    motion = scripted_policy("walk_reach", x=x, z=z).script(np.full(50, 100.0))
-    return to_chunk(motion, "wbc32", seq, t_obs, 30.0, 50)
-
-
-def test_a_chunk_out_of_reach_is_walked_to_and_reached(supervisor, plant):
-    chunk = held(0.8, 0.8, 0.0)
-    assert supervisor.accept(chunk).reason is None
-    run(supervisor, plant, is_in(supervisor, State.WALKING), 0.5)
-    run(supervisor, plant, is_in(supervisor, State.HOLDING), 8.0)
-    supervisor.accept(held(0.8, 0.8, plant.state().time, 1))
-    end = plant.state().time + 3.0
-    run(supervisor, plant, lambda: plant.state().time > end, 11.0)
-    assert supervisor.chunk.seq == 1
-    robot, state = supervisor.robot, plant.state()
-    robot.place(state.q, state.v)
-    for tool, y in zip(SPEC.tools, (0.16, -0.16), strict=True):
-        assert np.linalg.norm(robot.pose(tool.palm_frame).translation - (0.8, y, 0.8)) < 2e-3
-
-
-def test_a_chunk_out_of_reach_from_everywhere_is_looked_for_once(supervisor, plant, monkeypatch):
-    asked = []
-
-    def nowhere(*args, **_):
-        asked.append(args)
-        return SimpleNamespace(reached=False, steps=3, base=(0.0, 0.0, 0.0))
-
-    monkeypatch.setattr(elsewhere, "stand_for", nowhere)
-    for seq in range(2):
-        supervisor.accept(held(0.6, 2.2, plant.state().time, seq))
-        end = plant.state().time + 0.3
-        run(supervisor, plant, lambda: plant.state().time > end, 1.0)  # noqa: B023
-    assert len(asked) == 1
-    assert supervisor.state is State.FOLLOWING
-    assert supervisor.chunk.seq == 1
-
-
-def test_where_to_stand_survives_the_way_from_the_planners_process():
-    """Made anew from its arguments, as a pickle of it is."""
-    error = copy(elsewhere.StandElsewhereError((0.4, -0.1, 0.2)))
-    assert error.base == (0.4, -0.1, 0.2)
-    assert "(0.40, -0.10)" in str(error)
-
-
-def test_a_plan_that_says_where_to_stand_is_never_late(supervisor, plant):
-    supervisor.accept(held(0.8, 0.8, 0.0))
-    supervisor.handover._planner._done += 0.3
-    run(supervisor, plant, is_in(supervisor, State.WALKING), 1.0)
-    assert supervisor.handover.late == 0
 
 
 def test_pressure_of_a_walk_lies_in_the_soles_that_touch(supervisor, plant):
