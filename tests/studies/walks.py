@@ -64,10 +64,10 @@ def speeds(seeds, realistic, speed, **_):
             )
 
 
-def grounds(seeds, realistic, ground, speed, **_):
+def grounds(seeds, realistic, ground, **_):
     """Walks at some speeds where it is told nothing of the floor, or of what it holds."""
     for where in ground or GROUNDS:
-        for name in speed or ("0.3 ahead", "0.2 back", "0.15 aside"):
+        for name in ("0.3 ahead", "0.2 back", "0.15 aside"):
             for seed in seeds:
                 stop, seeded = START + WALKING, seed if realistic else None
                 one = walk(told(SPEEDS[name], stop), stop + AFTER, seed=seeded, ground=where)

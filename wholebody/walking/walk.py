@@ -109,33 +109,20 @@ class Walk(PlannedSteps):
         self._elapsed += dt
         self._left -= dt
         self._nominal_left -= dt
-        waits = self.state is Phase.SWING and self._has_met_floor(seen, dt)
-        if waits:
-            self._wait(seen)
-        elif self.state is Phase.SWING:
+        if self.state is Phase.SWING:
             self._adjust(seen)
         self._follow_plan(seen, dt)
         self._share_load(self._may_leave(seen))
-        if self.swing is not None and not waits:
-            self._swing_on(dt)
+        if self.swing is not None:
+            self._swing_on(seen, dt)
 
-    def _done(self, dt: float) -> float:
-        """Share of the swing that is over."""
-        return min(self._elapsed / (self._elapsed + max(self._left, dt)), 1.0)
-
-    def _has_met_floor(self, seen: WalkReadings, dt: float) -> bool:
-        """Whether the foot that is up meets something on its way down."""
-        return self._done(dt) >= TOUCHED and seen.touching is not None and seen.touching[1 - self.stance]
-
-    def _wait(self, seen: WalkReadings) -> None:
-        """The foot that met the floor early stays there, until its time or until it meets nothing any more."""
-        foot, self.plan = 1 - self.stance, self.soles[self.stance].point
-        self._steps[0] = Footstep(foot, seen.soles[foot])
-        self.swing = Swing.from_rest(seen.soles[foot], seen.heights[foot], self.swing.lean.x)
-
-    def _swing_on(self, dt: float) -> None:
-        """The foot that is up goes on."""
-        goal, done = self._steps[0].sole, self._done(dt)
+    def _swing_on(self, seen: WalkReadings, dt: float) -> None:
+        """The foot that is up goes on; one that meets something on its way down stays there until it does no more."""
+        foot, goal = 1 - self.stance, self._steps[0].sole
+        done = min(self._elapsed / (self._elapsed + max(self._left, dt)), 1.0)
+        if done >= TOUCHED and seen.touching is not None and seen.touching[foot]:
+            self.swing = Swing.from_rest(seen.soles[foot], seen.heights[foot], self.swing.lean.x)
+            return
         floor = self._floor + rise(self.slope, goal.point - self.soles[self.stance].point)
         self.swing = self.swing.advance(goal, floor, self.gait.lift, done, self._left, dt, self.slope)
 

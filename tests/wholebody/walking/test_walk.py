@@ -332,24 +332,6 @@ def test_a_foot_that_meets_the_floor_early_waits_there_for_its_time(floor):
     assert abs(one.dcm - one.walk.dcm) < 0.01
 
 
-@pytest.mark.parametrize("push", [0.0, 0.04, -0.04, 0.02j, -0.02j])
-def test_a_push_moves_no_landing_of_a_foot_that_is_down_already(push):
-    """Its landing was put off, or moved, while it stood where it had met the floor."""
-    one = lifted()
-    one.feel((0.02, 0.0))
-    while one.walk.swing.height.v > -1e-3 or one.walk.swing.height.x > 0.02:
-        one.run(DT)
-    one.run(2 * DT)
-    made, ends, there = one.walk.made, one.time + one.walk.left, one.soles[LEFT]
-    assert one.walk.left > 0.05
-    one.dcm += push
-    while one.walk.made == made:
-        assert one.walk.stands_on[LEFT] == there, "the capture point is led to where it stands"
-        one.run(DT)
-    assert one.time == pytest.approx(ends, abs=3 * DT)
-    assert one.walk.soles[LEFT] == there
-
-
 def test_a_foot_that_scuffs_goes_on_to_its_place():
     one = lifted()
     goal, made = one.walk._steps[0].sole.point, one.walk.made
