@@ -25,6 +25,8 @@ SHARE_MIN = 0.05
 """Least share of its speed to which a chunk is stretched; chosen: as good as at rest."""
 ELAPSED_MAX = 1.0
 """Longest time that is followed in one tick [s]; what lies further back is left out; chosen, no trial is on record."""
+LEANT = 0.5
+"""Time that a body which leant all of the way may take to be as planned again [s]; measured: it is after 0.3 s."""
 
 
 class PlanFollower:
@@ -81,9 +83,8 @@ class PlanFollower:
         self._weights = self._counted = self._body.weights.copy()
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
         self._body.sides[self._arms] = [[0], [1]]
-        compiled = kernel.follow, kernel.foresee
-        self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
-        self._dt, self._standing, self._hands_ahead, self._stretched = config.dt, False, False, 1.0
+        self._follow, self._foresee = (kernel.follow, kernel.foresee) if interpret else compiled_follow(robot.n_joints)
+        self._dt, self._standing, self._hands_ahead, self._stretched, self._leant = config.dt, False, False, 1.0, 0.0
 
     @property
     def s(self) -> float:
@@ -159,17 +160,15 @@ class PlanFollower:
         return float(clock.elapsed / clock.travelled) if clock.travelled > 1e-6 else 1.0
 
     def _forgiven(self, palms: np.ndarray) -> np.ndarray:
-        """Palm points (2, 3) as far as they count; a robot that leans against something is not as planned."""
-        leaning = self._touch.leaning
-        arms = 0.0 if self._hands_ahead else (1.0 - leaning) * (1.0 - max(self._touch.shares))
-        self._count(arms, 1.0 / (1.0 + leaning))
+        """Palm points (2, 3) as far as they count; a robot that leans, or has just leant, is not as planned."""
+        arms = 0.0 if self._hands_ahead else (1.0 - self._leant) * (1.0 - max(self._touch.shares))
+        self._count(arms, 1.0 / (1.0 + self._leant))
         return self._touch.forgiven(palms, self.row)
 
     def _count(self, arms: float, body: float = 1.0) -> None:
         """Let arms and body count with shares of their weights in how far the robot is off its plan."""
         self._body.weights[:] = body * self._counted
-        for arm in self._arms:
-            self._body.weights[arm] = arms * self._counted[arm]
+        self._body.weights[self._arms] = arms * self._counted[self._arms]
 
     def _count_from(self, share: float) -> None:
         """Let all joints count with a share of their weight from now on."""
@@ -304,7 +303,8 @@ class PlanFollower:
         q = np.ascontiguousarray(q, dtype=float)
         controller, elapsed = self._controller, self._dt if elapsed is None else min(elapsed, ELAPSED_MAX)
         robot, palms = controller.robot, controller.palm_positions()
-        if self._touch is not None and self._touch.active:
+        if self._touch is not None and (self._touch.active or self._leant > 0.0):
+            self._leant = max(self._touch.leaning, self._leant - elapsed / LEANT)
             palms = self._forgiven(palms)
         elif self._hands_ahead:
             self._count(0.0)
