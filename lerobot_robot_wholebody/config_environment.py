@@ -35,6 +35,8 @@ class WholebodyEnvConfig(EnvConfig):
     """Steps of an episode; the task's own number if not given."""
     gate: bool = False
     """Whether targets are judged before they are followed."""
+    realistic: bool = False
+    """Whether the robot differs from its model, and its state is estimated; another one by the seed."""
     report: str = ""
     """File in which episodes, successes and falls are counted at the end; of the last one, of several beside."""
 
@@ -70,7 +72,7 @@ class WholebodyEnvConfig(EnvConfig):
     def gym_kwargs(self) -> dict[str, Any]:
         """Arguments of the environment."""
         sizes = {name: (camera.height, camera.width) for name, camera in self.cameras.items()}
-        own = {"task": self.task, "scene": self.scene, "steps": self.steps, "gate": self.gate, "report": self.report}
+        own = {name: getattr(self, name) for name in ("task", "scene", "steps", "gate", "realistic", "report")}
         return own | {"cameras": sizes, "render_mode": "rgb_array"}
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, VectorEnv]]:

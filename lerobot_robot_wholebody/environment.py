@@ -19,6 +19,8 @@ from wholebody.live.served.messages import Seen, Served
 
 FPS = 30
 """Actions a second [Hz]."""
+SEEDS = 2**31
+"""How many realistic robots there are [no unit]; chosen."""
 FAR, FALLEN = 10.0, -1.0
 """Largest magnitude of a number of action and observation [m, rad], and the reward of a fall [no unit]; chosen."""
 
@@ -37,6 +39,7 @@ class G1Env(gymnasium.Env):
         steps: In an episode; the task's own number if None.
         task: Its name.
         gate: Whether targets are judged before they are followed.
+        realistic: Whether the robot differs from its model, and its state is estimated; another one by the seed.
         report: Where the episodes, successes and falls are counted at the end, as JSON; nowhere if empty.
     """
 
@@ -50,6 +53,7 @@ class G1Env(gymnasium.Env):
         steps: int | None = None,
         task: str = "reach",
         gate: bool = False,
+        realistic: bool = False,
         report: str = "",
     ) -> None:
         self._task = task_of(task, 0)
@@ -59,11 +63,8 @@ class G1Env(gymnasium.Env):
         self._max_episode_steps = steps or self._task.steps
         self.render_mode, self._numbers = render_mode, Numbers(task in TOLD)
         self._sizes, self._scene = dict(cameras or {}), self._task.scene or scene
-        self._robot, self._drawn, self._pictures = (
-            ServedRobot(Served(self._scene, clock="lockstep", gate=gate)),
-            None,
-            None,
-        )
+        served = Served(self._scene, clock="lockstep", gate=gate, realistic=realistic)
+        self._robot, self._drawn, self._pictures = ServedRobot(served), None, None
         self._seen: Seen | None = None
         self._report, self._count = report, {"episodes": 0, "successes": 0, "falls": 0}
         box = gymnasium.spaces.Box
@@ -83,7 +84,10 @@ class G1Env(gymnasium.Env):
         """The robot in its stance, with another instance of the task."""
         super().reset(seed=seed)
         self._task.draw(self.np_random)
-        self._seen = self._robot.reset() if self._robot.running else self._robot.start()
+        runs, realistic = self._robot.running, self._robot.served.realistic
+        self._seen = None if runs else self._robot.start()
+        if runs or realistic:
+            self._seen = self._robot.reset(int(self.np_random.integers(SEEDS)) if realistic else 0)
         if (objects := self._task.objects(self._seen.objects)) is not None:
             self._robot.place(objects)
             self._seen = self._robot.see()

@@ -111,8 +111,11 @@ class ServedRobot:
         with self._lock:
             self._send(Advance(self.time))
 
-    def reset(self) -> Seen:
+    def reset(self, seed: int = 0) -> Seen:
         """Put the robot into its stance in lockstep, with no target, whatever it does. Answers what is seen then.
+
+        Args:
+            seed: Of how a realistic robot differs from its model from then on.
 
         Raises:
             ValueError: On the wall clock.
@@ -121,7 +124,7 @@ class ServedRobot:
         if self.served.clock == "wall":
             raise ValueError("on the wall clock time does not begin anew: a robot is put into its stance in lockstep")
         with self._lock:
-            self._send(Reset())
+            self._send(Reset(seed))
             seen = self._receive(ANSWER_TIMEOUT)
         self.time = seen.observation.time
         return seen

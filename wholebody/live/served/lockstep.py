@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from policy.executor.simulated import SimulatedWorker
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.episode.warm_up import compile_plan
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.gate import Gate
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live.loop import ControlLoop
@@ -21,6 +23,8 @@ from wholebody.live.served.wall import ASKING
 from wholebody.live.session import lower
 from wholebody.sim.fall import Fall, detect_fall
 from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant
+from wholebody.sim.sensors import REALISTIC_READINGS, Sensors
 from wholebody.types import JointCommand, RobotState
 
 SETTLE = 1.0
@@ -33,27 +37,32 @@ class SteppedRobot:
     Args:
         plant: Robot and surroundings.
         clock: Set to the plant's time.
+        sensors: What is told of the true state; the truth itself if None.
 
     Attributes:
         origin: 0: its clock is its own.
         fall: The fall, or None.
     """
 
-    def __init__(self, plant: MujocoPlant, clock: SimulatedClock) -> None:
+    def __init__(self, plant: MujocoPlant, clock: SimulatedClock, sensors: Sensors | None = None) -> None:
         self.origin = 0.0
-        self.plant, self._clock, self.fall = plant, clock, None
+        self.plant, self._clock, self._sensors, self.fall = plant, clock, sensors, None
         self._command: JointCommand | None = None
 
     def receive(self, timeout: float) -> RobotState:
         """The state after another control period."""
         state = self.plant.state() if self._command is None else self.plant.step(self._command)
         self._clock.set(max(state.time, self._clock.now()))
-        return state
+        return state if self._sensors is None else self._sensors.measure(state)
 
     def reset(self) -> RobotState:
         """Its first state: in the stance, at rest."""
         self._command = self.fall = None
-        return self.plant.reset()
+        state = self.plant.reset()
+        if self._sensors is None:
+            return state
+        self._sensors.reset()
+        return self._sensors.measure(state)
 
     def send(self, command: JointCommand) -> None:
         """Command the motors for the next period."""
@@ -61,7 +70,7 @@ class SteppedRobot:
 
     def watch(self, loop: ControlLoop) -> Fall | None:
         """The fall so far, or None."""
-        self.fall = self.fall or detect_fall(self.plant, loop.state, loop.supervisor.status.status)
+        self.fall = self.fall or detect_fall(self.plant, self.plant.state(), loop.supervisor.status.status)
         return self.fall
 
 
@@ -89,10 +98,11 @@ class InLockstep:
         spec = describe(settings.robot)
         self.origin, self._program, self._clock = 0.0, program, SimulatedClock()
         self._ended: float | None = None
-        self._robot = SteppedRobot(MujocoPlant(spec, scene=served.scene, control_dt=settings.dt), self._clock)
+        self._served = served
         self._supervisor = Supervisor(spec, settings, gate=gate and gate())
+        self._robot = self._a_robot(0)
         compile_plan(spec)
-        state = self._robot.plant.state()
+        state = self._robot.reset()
         self._supervisor.reset(state, state.time)
         self._loop = ControlLoop(spec, self._supervisor, self._robot, state, clock=self._clock, scored=False)
         self._executor = Executor(
@@ -123,11 +133,24 @@ class InLockstep:
         self._loop.executor = self._executor
         self._program.tell(self.seen())
 
-    def reset(self) -> None:
-        """Put the robot into its stance, and tell the program once it stands."""
+    def reset(self, seed: int = 0) -> None:
+        """Put the robot, a realistic one of a seed, into its stance, and tell the program once it stands."""
         self._clock.restart()
         self._loop.executor, self._program.until = None, SETTLE
+        if self._served.realistic:
+            self._robot = self._loop.robot = self._a_robot(seed)
         self._loop.restart(self._robot.reset())
+
+    def _a_robot(self, seed: int) -> SteppedRobot:
+        """A robot as its model is, or a realistic one of a seed."""
+        spec, dt, scene = self._supervisor.spec, self._supervisor.config.dt, self._served.scene
+        if not self._served.realistic:
+            return SteppedRobot(MujocoPlant(spec, scene=scene, control_dt=dt), self._clock)
+        sensors = Sensors(spec, replace(REALISTIC_READINGS, seed=seed), dt, StateEstimator(spec))
+        errors = replace(REALISTIC_ROBOT, seed=seed)
+        return SteppedRobot(
+            RealisticPlant(spec, errors, encoders=sensors, scene=scene, control_dt=dt), self._clock, sensors
+        )
 
     def place(self, objects: np.ndarray) -> None:
         """Put the scene's bodies that move elsewhere."""

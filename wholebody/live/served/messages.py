@@ -26,6 +26,8 @@ class Served:
         report: Where a summary of the run is written at its end, as JSON, also if the program was killed; nowhere if
             empty.
         gate: Whether what targets come to is judged by its plan, and rejected where it cannot be done nearly so.
+        realistic: Whether the robot differs from its model, by the seed of its `Reset`, and its state is estimated; in
+            lockstep.
     """
 
     scene: str = "floor"
@@ -34,6 +36,7 @@ class Served:
     clock: Clocks = "wall"
     report: str = ""
     gate: bool = False
+    realistic: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,13 @@ class Advance:
 
 @dataclass(frozen=True)
 class Reset:
-    """Wanted in lockstep: the robot in its stance again, at the time at which it was seen first; and what is seen."""
+    """Wanted in lockstep: the robot in its stance again, at the time at which it was seen first; and what is seen.
+
+    Attributes:
+        seed: Of how a realistic robot differs from its model.
+    """
+
+    seed: int = 0
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,7 @@ class RemoteProgram:
                     self.until = message.until
                     return
                 if isinstance(message, Reset):
-                    robot.reset()
+                    robot.reset(message.seed)
                     return
                 self._do(message, robot)
         except (EOFError, OSError):

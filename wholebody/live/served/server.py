@@ -65,8 +65,11 @@ def _robot(
     served: Served, settings: ControllerConfig, program: RemoteProgram, gate: Callable[[], Gate] | None
 ) -> OnTheWall | InLockstep:
     if served.clock == "wall":
+        from wholebody.errors import InputError
         from wholebody.live.served.wall import OnTheWall
 
+        if served.realistic:
+            raise InputError("a realistic robot is served in lockstep; on the wall clock it is as its model")
         return OnTheWall(served, settings, program, gate)
     from wholebody.live.served.lockstep import InLockstep
 

@@ -80,7 +80,7 @@ class OnTheWall:
             self._objects = WorldView.of(view).objects
         return seen_by(loop, self._objects, loop.statistics.fallen is not None)
 
-    def reset(self) -> None:
+    def reset(self, seed: int = 0) -> None:
         """Nothing: time on the wall does not begin anew; the program is told what there is to see."""
         self._program.tell(self.seen())
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from policy.action_spec.anchor import Anchor
-from wholebody.errors import SimulationError, WholebodyError
+from wholebody.errors import InputError, SimulationError, WholebodyError
 from wholebody.live.served.client import ServedRobot
 from wholebody.live.served.messages import Served
 
@@ -94,6 +94,17 @@ def test_a_setting_that_is_wrong_is_told_where_the_robot_is_started():
     with pytest.raises((WholebodyError, OSError, ValueError), match=r"nowhere\.yaml"):
         robot.start()
     assert not robot.running
+
+
+def test_a_realistic_robot_is_as_its_seed_says():
+    robot = ServedRobot(Served(clock="lockstep", realistic=True))
+    robot.start()
+    seen = [robot.reset(seed).observation.q_body for seed in (3, 4, 3)]
+    assert np.array_equal(seen[0], seen[2])
+    assert 1e-5 < np.abs(seen[0] - seen[1]).max() < 0.1
+    assert not robot.close()["fell"]
+    with pytest.raises(InputError, match="in lockstep"):
+        ServedRobot(Served(realistic=True)).start()
 
 
 def test_a_program_that_is_killed_leaves_a_robot_that_crouches(tmp_path):
