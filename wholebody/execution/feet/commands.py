@@ -179,6 +179,8 @@ class Commands(statuses.Following):
         if not stepping.due(self._now) or (self.touch.active and not stepping.active):
             return False
         self._go(stepping.go_along)
+        if not stepping.follows:
+            return False
         chunk = stepping.led.chunk
         self.chunk, self.plan_report, self._chunk_end = chunk, stepping.led.report, float(chunk.times[-1])
         self._waiting = self._refused = None

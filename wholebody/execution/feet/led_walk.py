@@ -142,6 +142,11 @@ class LedWalk(ABC):
         return self.coming or not self.led.velocity(now).is_rest
 
     @property
+    def follows(self) -> bool:
+        """Whether hands are led along a chunk, and not on the way to where one is in reach."""
+        return self.led is not None and not standing.is_hold(self.led.chunk)
+
+    @property
     def holds_hands(self) -> bool:
         """Whether hands are held where they are about the robot while it steps: without a chunk that leads it."""
         return self.active and (self.led is None or self._states.now is not State.WALKING)
@@ -149,7 +154,7 @@ class LedWalk(ABC):
     @property
     def carried(self) -> np.ndarray | None:
         """How the poses of the chunk that is walked with have moved with the base, shape (4, 4); None for no such."""
-        if self.led is None or self._states.now is not State.WALKING:
+        if not self.follows or self._states.now is not State.WALKING:
             return None
         return self.led.moved(self._walker.walk.guide.place)
 
@@ -225,7 +230,7 @@ class LedWalk(ABC):
         """Share of their speed at which hands go along their paths: they wait while the body is off its walk."""
         if self.holds_hands:
             return 0.0
-        return self._room if self.carried is not None else 1.0
+        return self._room if self.led is not None and self._states.now is State.WALKING else 1.0
 
     def _status(self, now: float, trust: float) -> StatusReport:
         """What a person sees of hands that are trusted so far, now [s]."""

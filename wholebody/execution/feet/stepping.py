@@ -187,8 +187,9 @@ class Stepping(LedWalk):
         self._walks = replace(statuses.TRACKING, detail=says)
         if not leads:
             self._walks = replace(statuses.RIDING, detail=f"{says}, its hands along the chunk's own paths")
-        held = replace(statuses.WALKING, detail=f"{says}; chunks are planned once it stands")
-        self.status = held if self.led is None else self._walks
+        if not self.follows:
+            self._walks = replace(statuses.WALKING, detail=f"{says}; chunks are planned once it stands")
+        self.status = self._walks
 
     def stop(self) -> None:
         """Come to a stand, within three steps."""
