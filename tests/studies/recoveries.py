@@ -2,39 +2,49 @@
 
     python -m tests.studies.recoveries recover --angles 0 45 135 180 --impulses 10 12 14 16
     python -m tests.studies.recoveries never --angles 0 45 135 180 --impulses 10 12 14 16
+    python -m tests.studies.recoveries recover --realistic 0 1 2
 
-Hands are still, the state is true, the robot has 43 joints. Angles are of the push, 0 ahead, 90 to the left [degrees].
+Hands are still, the robot has 43 joints; the state is true, or estimated of realistic robots of some seeds. Angles are
+of the push, 0 ahead, 90 to the left [degrees].
 """
 
 import argparse
+from itertools import product
 
 import numpy as np
 
+from tests.support.felt import SPEC, robot_in
 from wholebody.config import ControllerConfig
-from wholebody.config.description import describe
 from wholebody.execution.states import State
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
-from wholebody.sim.plant import MujocoPlant
 
-PUSHED, AFTER = 0.5, 7.0
+PUSHED, AFTER = 0.5, 9.0
 """When it is pushed, and how long it is looked at [s]."""
 
 
-def pushed(supervisor, plant, angle, impulse, look=None):
-    """When and why it fell, or None; the steps that it took; how it ended."""
+def pushed(supervisor, plant, sensors, angle, impulse):
+    """When and why it fell, or None; how it ended, its steps, and how far apart its feet stand at last [m]."""
     state = plant.reset()
-    supervisor.reset(state)
+    if sensors is not None:
+        sensors.reset()
+    measured = state if sensors is None else sensors.measure(state)
+    supervisor.reset(measured, state.time)
     way = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 0.0])
     plant.push("torso_link", 10.0 * impulse * way, start=PUSHED, duration=0.1)
     fall = None
     while state.time < AFTER and fall is None:
-        state = plant.step(supervisor.step(state))
+        command = supervisor.step(measured, state.time)
+        if sensors is not None:
+            sensors.estimator.expect(supervisor.contacts)
+        state = plant.step(command)
+        measured = state if sensors is None else sensors.measure(state)
         fall = detect_fall(plant, state, supervisor.status.status)
-        if look is not None:
-            look(supervisor, plant, state)
     walker = supervisor._stepping._walker
-    return fall, 0 if walker is None or walker.walk is None else walker.walk.made, supervisor.state
+    walk = None if walker is None else walker.walk
+    soles = supervisor._planted.feet.poses
+    apart = float(np.linalg.norm(soles[0].translation[:2] - soles[1].translation[:2]))
+    return fall, supervisor.state, 0 if walk is None else walk.made, apart
 
 
 def main():
@@ -42,18 +52,19 @@ def main():
     parser.add_argument("steps", choices=("never", "recover"))
     parser.add_argument("--angles", type=float, nargs="+", default=[0.0, 45.0, 90.0, 135.0, 180.0])
     parser.add_argument("--impulses", type=float, nargs="+", default=[10.0, 12.0, 14.0, 16.0])
+    parser.add_argument("--realistic", type=int, nargs="+", default=[None], metavar="SEED")
     given = parser.parse_args()
-    config = ControllerConfig(steps=given.steps)
-    spec = describe(config.robot)
-    supervisor, plant = Supervisor(spec, config), MujocoPlant(spec)
-    for angle in given.angles:
-        for impulse in given.impulses:
-            fall, made, end = pushed(supervisor, plant, angle, impulse)
-            if walker := supervisor._stepping._walker:
-                walker.walk = None
-            stood = end in (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING)
-            said = f"falls at {fall.time:.2f} s: {fall.cause}" if fall else "stands" if stood else end.value
-            print(f"{given.steps} {angle:g} deg, {impulse:g} N s: {said}; {made} steps", flush=True)
+    config, fell, tried = ControllerConfig(steps=given.steps), 0, 0
+    for angle, impulse, seed in product(given.angles, given.impulses, given.realistic):
+        plant, sensors = robot_in("floor", seed)
+        fall, end, made, apart = pushed(Supervisor(SPEC, config), plant, sensors, angle, impulse)
+        stood = end in (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING)
+        said = f"falls at {fall.time:.2f} s: {fall.cause}" if fall else "stands" if stood else end.value
+        fell, tried = fell + (fall is not None), tried + 1
+        robot = "" if seed is None else f", robot {seed}"
+        said = f"{said}; {made} steps, feet {apart:.2f} m apart"
+        print(f"{given.steps} {angle:g} deg, {impulse:g} N s{robot}: {said}", flush=True)
+    print(f"{fell} of {tried} fell")
 
 
 if __name__ == "__main__":

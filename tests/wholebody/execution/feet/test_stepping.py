@@ -185,7 +185,7 @@ def test_a_robot_that_is_there_already_does_not_step(supervisor, plant):
 def test_one_that_is_pushed_as_it_settles_takes_a_step(supervisor, plant, impulse):
     """It fell of each of these, since a walk whose last step is made waits for the capture point to come to rest."""
     state, pushed, steps = plant.state(), None, False
-    while state.time < (8.0 if pushed is None else pushed + 4.0):
+    while state.time < (8.0 if pushed is None else pushed + 6.0):  # the feet are closed by then
         if state.time < 1.5:
             supervisor.walk((0.2, 0.0, 0.0))
         if pushed is None and state.time > 1.5 and supervisor._stepping._walker.walk.state is Phase.SETTLE:
