@@ -31,7 +31,8 @@ def pushed(angle, impulse):
         if supervisor.state is State.RECOVERING:
             stepped, left, right = True, *supervisor._stepping._walker.walk.soles
             apart = max(apart, abs(left.seen(right.point).real))
-    assert stepped and supervisor.state in (State.HOLDING, State.FOLLOWING)
+    assert stepped
+    assert supervisor.state in (State.HOLDING, State.FOLLOWING)
     return supervisor, plant, state, apart
 
 
