@@ -90,8 +90,6 @@ class Gait:
     """Share of the swing's time that it lasts at least; measured: with 0.65 a push of 10 N s aside was a fall."""
     later: float = 1.3
     """The same at most."""
-    foot_speed: float = 2.0
-    """Mean speed of the foot over the floor up to which a swing is shortened [m/s]."""
 
     @property
     def step(self) -> float:

@@ -23,6 +23,7 @@ class WalkReadings:
         touching: Whether the floor presses on each; None if that is not known.
         slope: By how much the floor rises along world's axes, ``x + iy`` [m/m].
         tilts: By how much each sole does, likewise.
+        leans: Whether its trunk leans so far that no walk begins.
     """
 
     dcm: complex
@@ -32,6 +33,7 @@ class WalkReadings:
     touching: tuple[bool, bool] | None = None
     slope: complex = 0j
     tilts: tuple[complex, complex] = (0j, 0j)
+    leans: bool = False
 
 
 def rise(slope: complex, way: complex) -> float:

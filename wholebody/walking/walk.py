@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from math import exp
 
-from wholebody.walking.adjustment import Room, Step, adjust
+from wholebody.walking.adjustment import Landing, Step, adjust
 from wholebody.walking.catch import Catch
 from wholebody.walking.dcm import Piece, bounded, start_for
 from wholebody.walking.footsteps import LEFT, RIGHT, Footstep, base_of, box, closed
 from wholebody.walking.gait import TABLE, Gait, Phase
+from wholebody.walking.landings import REACTION, TIMES, landings
 from wholebody.walking.places import Place
 from wholebody.walking.planned_steps import PlannedSteps
 from wholebody.walking.pressure import Sole, between, on
 from wholebody.walking.readings import WalkReadings, rise
-from wholebody.walking.swing import EARLY, FROZEN, Swing
+from wholebody.walking.swing import FROZEN, Course, Swing
 
 PULL = 4.0
 """Rate with which the zero-moment point brings the capture point back to its plan [1/s]; chosen, no trial is on
@@ -39,10 +41,6 @@ UNEVEN = 0.008
 to be counted on down there [m]; chosen: a foot that meets the floor early waits, one that meets it late falls."""
 SHORTEST = 0.05
 """Time in which the weight goes over to a foot that landed late, at least [s]; chosen: `TAKING`."""
-FOOT_ACCELERATION, PEAK = 30.0, 5.77
-"""Largest acceleration of a foot that is up, over the floor [m/s^2], above which its landing is not moved, and by which
-a quintic from rest to rest exceeds way over time squared; measured: pushed back by 17 N s it stands so, and falls
-without; definition."""
 WAITS, BETWEEN = 0.4, 0.015
 """Time for which both feet carry at most after a landing while the capture point, between them up to so much beside, is
 brought to its plan [s, m]; measured: pushed back by 10 N s on the spot, the robot fell from a foot lifted before."""
@@ -68,7 +66,8 @@ class Walk(PlannedSteps):
         load: Share of its bounds that each foot carries, left first.
         swing: The foot that is up, or None.
         pressure: Where the zero-moment point is to be now, ``x + iy`` [m].
-        closes: Whether it closes its feet after a step that caught the robot.
+        apart: Whether the feet stay where a step that caught the robot has left them, since its trunk leans.
+        closes: Whether it closes feet that a step which caught the robot left further apart than any that is planned.
         made: Number of steps made.
         adjusted: How far the last step is moved from its plan [m].
         slope: By how much the floor of the step rises along world's axes, ``x + iy`` [m/m].
@@ -78,12 +77,14 @@ class Walk(PlannedSteps):
         super().__init__(seen.soles, gait or Gait())
         self._sole, self.load, self.swing, self.made, self.adjusted = sole, (1.0, 1.0), None, 0, 0.0
         self.pressure = self.plan
-        self._elapsed, self._floor, self.slope, self.closes = 0.0, 0.0, 0j, False
+        self._elapsed, self._floor, self.slope, self.closes, self.apart = 0.0, 0.0, 0j, False, False
 
     @property
     def wanted(self) -> bool:
         """Whether there is a step to make."""
-        return self.marches or not self.guide.rests or not closed(self.soles, self.guide.place, self.width)
+        if self.marches or not self.guide.rests:
+            return True
+        return not self.apart and not closed(self.soles, self.guide.place, self.width)
 
     @property
     def stands_on(self) -> list[Place]:
@@ -106,7 +107,9 @@ class Walk(PlannedSteps):
         self._plan_anew(seen)
         if self._over(seen):
             if self.state is Phase.RECOVER:
-                self.gait, self.caught, self.closes = replace(self.gait, shift=CLOSING), False, True
+                far = abs(self.soles[LEFT].point - self.soles[RIGHT].point) > self.gait.apart
+                self.caught, self.apart, self.closes = False, seen.leans, far and not seen.leans
+                self.gait = replace(self.gait, shift=CLOSING) if self.closes else self._usual
             self._enter(self._following(), seen)
         self._elapsed += dt
         self._left -= dt
@@ -135,7 +138,7 @@ class Walk(PlannedSteps):
     def catch(self, seen: WalkReadings, step: Catch) -> None:
         """Catch the robot with a step, from both feet, at once."""
         self.gait, self.caught, self._first, self.soles = step.gait, True, step.foot, list(seen.soles)
-        self.closes = False
+        self.apart, self.closes = True, False
         self.plan = seen.dcm
         self._enter(Phase.SHIFT, seen)
 
@@ -238,43 +241,37 @@ class Walk(PlannedSteps):
 
     def _adjust(self, seen: WalkReadings) -> None:
         """Move the landing to where and when the capture point asks for it."""
-        self.plan = stance = self.soles[self.stance].point
+        self.plan = self.soles[self.stance].point
         if self._left <= FROZEN:
             return
         gait, foot, omega, axes = self.gait, 1 - self.stance, seen.omega, self.soles[self.stance]
-        nominal, kept, way = self._nominal, self._left, abs(self.swing.way.x - self._steps[0].sole.point)
+        nominal, kept = self._nominal, self._left
         self._left, self._steps[0] = max(self._nominal_left, FROZEN), Footstep(foot, nominal)
         pieces = self._pieces()
-        planned, end = bounded(pieces, omega), bounded(pieces[1:], omega)
+        planned, end = (axes.seen(bounded(part, omega)) for part in (pieces, pieces[1:]))
         gone = exp(-omega * gait.double)
         share = (1.0 - gone) / (omega * gait.double)
-        turned = axes.seen(stance)
-        place, landing = axes.seen(nominal.point) - turned, axes.seen(end) - turned
-        error = axes.seen(seen.dcm) - axes.seen(planned)
+        place, error = axes.seen(nominal.point), axes.seen(seen.dcm) - planned
         take = TAKEN * (1.0 - exp(-omega * self._left))
-        felt = (
-            axes.seen(planned)
-            - turned
-            + complex(_beyond(error.real, take * self._sole.length), _beyond(error.imag, take * self._sole.width))
+        felt = planned + complex(
+            _beyond(error.real, take * self._sole.length), _beyond(error.imag, take * self._sole.width)
         )
-        low, high = self._within_reach(*box(foot, gait, gait.wide), kept)
-        soonest = max(gait.sooner * gait.swing - self._elapsed, way / gait.foot_speed, FROZEN)
-        latest = max(gait.later * gait.swing - self._elapsed, soonest)
-        step = Step(place, self._left, (landing - share * place) / gone)
-        best = adjust(felt, step, Room(low - turned, high - turned, soonest, latest), omega, gait.double)
+        step = Step(place, self._left, (end - share * place) / gone)
+        best = adjust(felt, step, self._landings(omega, self._left, kept), omega, gait.double)
         self._left = best.time if abs(best.time - kept) > 1e-9 else kept
-        self._steps[0] = Footstep(foot, Place(axes.world(best.place + turned), nominal.heading))
+        self._steps[0] = Footstep(foot, Place(axes.world(best.place), nominal.heading))
         self.adjusted = abs(best.place - place)
 
-    def _within_reach(self, low: complex, high: complex, left: float) -> tuple[complex, complex]:
-        """The part of a box of places, in the axes of the stance sole [m], to which a foot that is up still comes.
-
-        It lands after ``left`` [s]: one that is moved further at once takes all of the other sole by its reaction.
-        """
-        way, time = self.swing.way, max(left - EARLY, 0.0)
-        middle = self.soles[self.stance].seen(way.x + 0.5 * way.v * time)
-        span = (1.0 + 1j) * FOOT_ACCELERATION * time * time / PEAK
-        return tuple(_within(middle + by, low, high) for by in (-span, span))
+    def _landings(self, omega: float, *first: float) -> Iterator[Landing]:
+        """Landings of the foot that is up, from the stance sole, at some times [s] before all others."""
+        gait, axes, way = self.gait, self.soles[self.stance], self.swing.way
+        soonest = max(gait.sooner * gait.swing - self._elapsed, FROZEN)
+        latest = max(gait.later * gait.swing - self._elapsed, soonest)
+        others = (soonest + k * (latest - soonest) / TIMES for k in range(TIMES + 1))
+        times = (min(max(time, soonest), latest) for time in (*first, *others))
+        seen = Course(axes.seen(way.x), *(axes.seen(axes.point + rate) for rate in (way.v, way.a)))
+        corners = box(1 - self.stance, gait, gait.wide)
+        return landings(seen, corners, times, omega, REACTION if self.caught else 0.0)
 
     def _follow_plan(self, seen: WalkReadings, dt: float) -> None:
         """Zero-moment point for this tick."""
@@ -305,8 +302,3 @@ class Walk(PlannedSteps):
 def _beyond(error: float, taken: float) -> float:
     """What of an error is left where so much of it is taken."""
     return max(error - taken, 0.0) + min(error + taken, 0.0)
-
-
-def _within(point: complex, low: complex, high: complex) -> complex:
-    """The point of a box that is nearest to one."""
-    return complex(min(max(point.real, low.real), high.real), min(max(point.imag, low.imag), high.imag))
