@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import exp
+from math import exp, inf
 
 from wholebody.walking.adjustment import Landing, Step, adjust
 from wholebody.walking.catch import Catch
@@ -271,7 +271,8 @@ class Walk(PlannedSteps):
         times = (min(max(time, soonest), latest) for time in (*first, *others))
         seen = Course(axes.seen(way.x), *(axes.seen(axes.point + rate) for rate in (way.v, way.a)))
         corners = box(1 - self.stance, gait, gait.wide)
-        return landings(seen, corners, times, omega, REACTION if self.caught else 0.0)
+        reaction, most = (REACTION, inf) if self.caught else (0.0, first[-1])
+        return landings(seen, corners, times, omega, reaction, most)
 
     def _follow_plan(self, seen: WalkReadings, dt: float) -> None:
         """Zero-moment point for this tick."""

@@ -1,6 +1,6 @@
 """Strategy: what a foot throws the capture point by, against the quintic that it goes on, summed up in small steps."""
 
-from math import exp
+from math import exp, inf
 
 import numpy as np
 import pytest
@@ -26,18 +26,23 @@ def test_a_foot_throws_by_what_its_accelerations_come_to(time):
 
 def test_a_foot_that_lands_soon_reaches_less_and_throws_further():
     way = Course(0.0 - 0.24j)
-    soon, late = landings(way, CORNERS, (0.2, 0.35), OMEGA, REACTION)
+    soon, late = landings(way, CORNERS, (0.2, 0.35), OMEGA, REACTION, inf)
     assert soon.high.real < late.high.real < CORNERS[1].real
-    assert next(iter(landings(way, CORNERS, (EARLY,), OMEGA, 0.0))).high == way.x  # there is no time left
+    assert next(iter(landings(way, CORNERS, (EARLY,), OMEGA, 0.0, inf))).high == way.x  # there is no time left
     left = 0.2 - EARLY
     assert soon.high.real == pytest.approx(ACCELERATION * left * left / PEAK)
     assert soon.gain > 0.0
     assert abs(soon.thrown + soon.gain * way.x) < 1e-9  # where it is: at rest it throws nothing
-    assert next(iter(landings(way, CORNERS, (0.2,), OMEGA, 0.0))).gain == 0.0
+    assert next(iter(landings(way, CORNERS, (0.2,), OMEGA, 0.0, inf))).gain == 0.0
 
 
 def test_a_foot_on_its_way_reaches_what_it_can_still_brake_for():
-    ahead = next(iter(landings(Course(0.1 - 0.24j, 1.0 + 0j), CORNERS, (0.15,), OMEGA, REACTION)))
-    back = next(iter(landings(Course(0.1 - 0.24j, -1.0 + 0j), CORNERS, (0.15,), OMEGA, REACTION)))
+    ahead = next(iter(landings(Course(0.1 - 0.24j, 1.0 + 0j), CORNERS, (0.15,), OMEGA, REACTION, inf)))
+    back = next(iter(landings(Course(0.1 - 0.24j, -1.0 + 0j), CORNERS, (0.15,), OMEGA, REACTION, inf)))
     assert ahead.high.real - back.high.real == pytest.approx(0.15 - EARLY)
     assert CORNERS[0].imag <= ahead.low.imag <= ahead.high.imag <= CORNERS[1].imag
+
+
+def test_a_later_landing_reaches_no_further_than_the_last_one_of_a_walk():
+    last, later = landings(Course(0.0 - 0.24j), CORNERS, (0.2, 0.3), OMEGA, 0.0, 0.2)
+    assert (last.low, last.high) == (later.low, later.high)
