@@ -23,7 +23,7 @@ class WalkReadings:
         touching: Whether the floor presses on each; None if that is not known.
         slope: By how much the floor rises along world's axes, ``x + iy`` [m/m].
         tilts: By how much each sole does, likewise.
-        leans: Whether its trunk leans so far that no walk begins.
+        leans: Whether its torso leans so far that feet which a step has left apart are not closed.
     """
 
     dcm: complex

@@ -66,7 +66,7 @@ class Walk(PlannedSteps):
         load: Share of its bounds that each foot carries, left first.
         swing: The foot that is up, or None.
         pressure: Where the zero-moment point is to be now, ``x + iy`` [m].
-        apart: Whether the feet stay where a step that caught the robot has left them, since its trunk leans.
+        apart: Whether the feet stay where a step that caught the robot has left them, since its torso leans.
         closes: Whether it closes feet that a step which caught the robot left further apart than any that is planned.
         made: Number of steps made.
         adjusted: How far the last step is moved from its plan [m].
@@ -138,8 +138,7 @@ class Walk(PlannedSteps):
     def catch(self, seen: WalkReadings, step: Catch) -> None:
         """Catch the robot with a step, from both feet, at once."""
         self.gait, self.caught, self._first, self.soles = step.gait, True, step.foot, list(seen.soles)
-        self.apart, self.closes = True, False
-        self.plan = seen.dcm
+        self.closes, self.plan = False, seen.dcm
         self._enter(Phase.SHIFT, seen)
 
     def _over(self, seen: WalkReadings) -> bool:
@@ -154,12 +153,8 @@ class Walk(PlannedSteps):
             there = self.guide.rests or self.state is not Phase.RECOVER
             calm = CALM if self._elapsed < PATIENCE else CALM_ENOUGH
             return there and abs(seen.dcm - self._middle()) < calm
-        late = (
-            self.caught
-            or self.closes
-            or self._elapsed >= (WAITS if self.state is Phase.LAND else 2.0 * self.gait.shift)
-        )
-        return late or self._may_leave(seen)
+        waits = WAITS if self.state is Phase.LAND else 2.0 * self.gait.shift
+        return self.caught or self.closes or self._elapsed >= waits or self._may_leave(seen)
 
     def _is_over_early(self, seen: WalkReadings) -> bool:
         """Whether the capture point is over the new sole before its time: that one alone holds it best there."""
