@@ -166,7 +166,12 @@ class WholeBodyController(Controller):
         legs = np.isin(
             self.robot.motor_to_pin, np.concatenate([self.spec.limbs["left_leg"], self.spec.limbs["right_leg"]])
         )
-        weights.apply(self.tasks, self.feet, legs, None if self.compiled is None else self.compiled.tick)
+        tick, safety = None if self.compiled is None else self.compiled.tick, self.config.safety
+        weights.apply(self.tasks, self.feet, legs, tick)
+        self.pelvis_limit.angle_max = safety.pelvis_angle + weights.leans
+        self.torso_limit.angle_max = safety.torso_angle + weights.leans
+        if tick is not None:
+            tick.pelvis_limit[0], tick.torso_limit[0] = self.pelvis_limit.angle_max, self.torso_limit.angle_max
         self._leak_time = weights.leak
         if self.balance.active != weights.balance:
             self.balance.active = weights.balance

@@ -24,6 +24,8 @@ class Weights:
         height: Of the pelvis [1/(m/s^2)^2].
         legs: Joints of the legs [1/(rad/s^2)^2].
         upper: Joints of waist and arms [1/(rad/s^2)^2].
+        flat: Orientation of a foot that is up [1/(rad/s^2)^2].
+        leans: How much further pelvis and torso may turn from where they are to be than the configuration says [rad].
         landing: With which the motion of a foot that stands is damped [1/s].
         leak: Time constant with which the desired state forgets its difference from the measured one [s].
         balance: Whether the capture point is kept inside the support; not where a step is the answer.
@@ -36,6 +38,8 @@ class Weights:
     height: float
     legs: float
     upper: float
+    flat: float
+    leans: float
     landing: float
     leak: float
     balance: bool
@@ -52,6 +56,8 @@ class Weights:
             height=body.height_weight,
             legs=body.posture_weight,
             upper=body.posture_weight,
+            flat=config.hand.orientation_weight,
+            leans=0.0,
             landing=config.foot_kd,
             leak=config.leak,
             balance=True,
@@ -70,13 +76,15 @@ class Weights:
         tasks.pelvis.weight[:], tasks.torso.weight[:], tasks.height.weight[:] = self.pelvis, self.torso, self.height
         body = ~np.isin(np.arange(len(legs)), tasks.fingers)
         tasks.posture.weight[body] = np.where(legs, self.legs, self.upper)[body]
+        for up in tasks.feet:
+            up.weight[3:] = self.flat
         for foot in feet:
             foot.kd = self.landing
         if tick is not None:
             tick.foot_kd = self.landing
             tick.com_weight[:], tick.momentum_weight = self.com, self.momentum
             tick.pelvis_gain[3], tick.torso_gain[3], tick.height_gain[3] = self.pelvis, self.torso, self.height
-            tick.posture_weight[:] = tasks.posture.weight
+            tick.posture_weight[:], tick.foot_weight[1] = tasks.posture.weight, self.flat
 
 
 WALKING = Weights(
@@ -87,6 +95,8 @@ WALKING = Weights(
     height=0.0,
     legs=0.02,
     upper=0.1,
+    flat=100.0,
+    leans=0.0,
     landing=100.0,
     leak=0.1,
     balance=False,
@@ -94,6 +104,10 @@ WALKING = Weights(
 """One foot carries in turn [units as in `Weights`]; chosen: the height of the centre of mass in place of the pelvis',
 and legs that follow their feet. With 1000 for the centre of mass the reaction of the leg that swings took realistic
 robots off their walk at 0.4 m/s. A leak of 0.1 s in place of 0.3 halves what the palms are off while stepping."""
-RECOVERING = replace(WALKING, com=(5000.0, 5000.0, 500.0), momentum=0.002, pelvis=2.0, torso=2.0)
+RECOVERING = replace(
+    WALKING, com=(5000.0, 5000.0, 500.0), momentum=0.002, pelvis=2.0, torso=2.0, flat=1.0, leans=0.2
+)
 """A step that catches the robot [units as in `Weights`]; chosen: the centre of mass above trunk and momentum, since the
-reaction of a leg that swings fast is as large as what a sole can give."""
+reaction of a leg that swings fast is as large as what a sole can give. Measured: where the trunk was at its bounds, and
+the ankle of a foot kept flat at its end, 11 of 15 crouching robots that were pushed back by 13 to 16 N s fell, with
+these 3."""
