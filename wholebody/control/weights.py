@@ -95,7 +95,7 @@ WALKING = Weights(
     height=0.0,
     legs=0.02,
     upper=0.1,
-    flat=100.0,
+    flat=1.0,
     leans=0.0,
     landing=100.0,
     leak=0.1,
@@ -105,7 +105,7 @@ WALKING = Weights(
 and legs that follow their feet. With 1000 for the centre of mass the reaction of the leg that swings took realistic
 robots off their walk at 0.4 m/s. A leak of 0.1 s in place of 0.3 halves what the palms are off while stepping."""
 RECOVERING = replace(
-    WALKING, com=(5000.0, 5000.0, 500.0), momentum=0.002, pelvis=2.0, torso=2.0, flat=1.0, leans=0.2
+    WALKING, com=(5000.0, 5000.0, 500.0), momentum=0.002, pelvis=2.0, torso=2.0, leans=0.2
 )
 """A step that catches the robot [units as in `Weights`]; chosen: the centre of mass above trunk and momentum, since the
 reaction of a leg that swings fast is as large as what a sole can give. Measured: where the trunk was at its bounds, and
