@@ -64,7 +64,7 @@ class WholeBodyController(Controller):
         self.extra_tasks, self.extra_limits = (*self.tasks.extra, *extra_tasks), tuple(extra_limits)
         self._make_limits()
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
-        self.joints, self._leak_time = self._joint_limits(), self.config.leak
+        self.joints, self._leak_time = self._joint_limits(), np.full(self.robot.n_joints, self.config.leak)
         self.tau, self.kp, self.kd = np.zeros(self.robot.n_joints), spec.kp, spec.kd
         self.compiled: CompiledProgram | None = None
         if self.config.solver == "compiled":
@@ -172,7 +172,7 @@ class WholeBodyController(Controller):
         self.torso_limit.angle_max = safety.torso_angle + weights.leans
         if tick is not None:
             tick.pelvis_limit[0], tick.torso_limit[0] = self.pelvis_limit.angle_max, self.torso_limit.angle_max
-        self._leak_time = weights.leak
+        self._leak_time[:] = np.where(legs, *weights.leak)
         if self.balance.active != weights.balance:
             self.balance.active = weights.balance
             if self.compiled is not None:
@@ -192,7 +192,7 @@ class WholeBodyController(Controller):
             report = self._solve()
             return self._command(state, report.solution), report
         self.place(state)
-        compiled.tick.dt, compiled.tick.leak = self._elapsed, self._leak
+        compiled.tick.dt, compiled.tick.leak[:] = self._elapsed, self._leak
         for level in (TickLevel.FULL, TickLevel.NO_HANDS):
             hands = level is TickLevel.FULL
             if compiled.compute(state.q, state.v, hands=hands):
@@ -209,9 +209,9 @@ class WholeBodyController(Controller):
         return self._command(state, report.solution), report
 
     @property
-    def _leak(self) -> float:
-        """Share of its difference from the measured state that the desired one forgets in this tick."""
-        return min(self._elapsed / self._leak_time, 1.0)
+    def _leak(self) -> np.ndarray:
+        """Share of its difference from the measured state that the desired one forgets in this tick, a joint each."""
+        return np.minimum(self._elapsed / self._leak_time, 1.0)
 
     def place(self, state: RobotState) -> None:
         """Tell the compiled program what further tasks and limits ask for at a state; without any, this is free."""

@@ -73,7 +73,7 @@ def _shapes(p: ProgramInputs, real_tables: Fields, int_tables: Fields) -> tuple[
         "edges": (edges, 3), "pelvis_limit": (4,), "torso_limit": (4,), "height_limit": (4,), "collision_brake": (),
         "collision_dt": (), "floor_distance": (), "floor_trigger": (), "floor_brake": (), "floor_dt": (),
         "penalty_acceleration": (), "penalty_force": (), "penalty_slack": (), "penalty_slack_squared": (),
-        "horizon": (), "leak": (), "V": (nb, 6), "A": (nb, 6), "inertia": (nb, 10), "momentum": (nb, 6),
+        "horizon": (), "leak": (nj,), "V": (nb, 6), "A": (nb, 6), "inertia": (nb, 10), "momentum": (nb, 6),
         "M": (nv, nv), "F": (nv, 6), "nle": (nv,), "ddq_min": (nj,), "ddq_max": (nj,), "soft_J": (soft, nv),
         "soft_upper": (soft,), "w_p": (6,), "k": (6,), "centre": (3,), "f_0": (6,), "a_f": (nf,),
         "a_slack": (2,), "wrench": (feet, 6), "gradient": (nv,), "gradient_f": (nf,), "gradient_slack": (2,),
@@ -106,7 +106,7 @@ def _fill_robot(p: ProgramInputs, tick: Packed) -> None:
     )
     tick.moves[:], tick.owner[:] = contact_moves(p), np.repeat(np.arange(len(p.feet)), points)
     tick.motors[:] = p.robot.pin_to_motor
-    tick.leak, tick.horizon = p.config.dt / p.config.leak, p.config.safety.joint_horizon
+    tick.leak[:], tick.horizon = p.config.dt / p.config.leak, p.config.safety.joint_horizon
     tick.momentum_kd, tick.momentum_weight = p.tasks.momentum.kd, p.tasks.momentum.weight[0]
     tick.penalty_acceleration, tick.penalty_force = penalties.acceleration, penalties.force
     tick.penalty_slack, tick.penalty_slack_squared = penalties.slack_linear, penalties.slack_quadratic

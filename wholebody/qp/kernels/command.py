@@ -16,8 +16,8 @@ def command(tick: Packed) -> None:
     dt, leak, n = tick.dt, tick.leak, tau.shape[0]
     for j in range(n):
         a, x, dx = dv[6 + j], desired[0, j], desired[1, j]
-        desired[0, j] = x + dt * dx + 0.5 * dt * dt * a + leak * (q[7 + j] - x)
-        desired[1, j] = dx + dt * a + leak * (v[6 + j] - dx)
+        desired[0, j] = x + dt * dx + 0.5 * dt * dt * a + leak[j] * (q[7 + j] - x)
+        desired[1, j] = dx + dt * a + leak[j] * (v[6 + j] - dx)
     for k in range(fingers.shape[0]):
         j = fingers[k]
         desired[0, j], desired[1, j] = reference[0, j], reference[1, j]
