@@ -14,6 +14,7 @@ from tests.support.wide import wide
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
+from wholebody.control.weights import RECOVERING
 from wholebody.errors import InputError
 from wholebody.execution.feet.walker import Walker
 from wholebody.types import RobotState
@@ -111,6 +112,17 @@ def test_a_realistic_robot_steps_by_its_estimated_state():
     assert drift < 2.0 * sure < 0.02
 
 
+@pytest.mark.parametrize(
+    ("seed", "velocity", "ground"),
+    [(14, 0.4, None), (1, 0.3, "2 cm"), *wide((9, 0.4, None), (3, 0.15j, "3 deg aside"), (2, -0.2, "2 cm"))],
+)
+def test_realistic_robots_walk_as_fast_as_they_may_and_on_grounds_that_nobody_tells_of(seed, velocity, ground):
+    """Their knees came straight, or the ankle of the foot in the air was at its end: these fell or stepped on."""
+    one = walk(told(Velocity(complex(velocity)), START + 4.0), START + 8.5, seed=seed, ground=ground)
+    assert one.fell is None
+    assert one.stands
+
+
 def test_a_walker_that_ends_leaves_the_weights_of_standing():
     controller, fresh = (WholeBodyController(g1(), ControllerConfig()) for _ in range(2))
     q = stance_q(controller.spec, controller.robot.model)
@@ -121,10 +133,16 @@ def test_a_walker_that_ends_leaves_the_weights_of_standing():
     walker.begin(state)
     assert walker.stands
     assert not controller.balance.active
+    controller.weigh(RECOVERING)
+    assert controller.torso_limit.angle_max > fresh.torso_limit.angle_max
     walker.end()
     assert controller.balance.active
     assert np.array_equal(controller.tasks.com.weight, fresh.tasks.com.weight)
     assert np.array_equal(controller.tasks.posture.weight, fresh.tasks.posture.weight)
+    for name in ("pelvis_limit", "torso_limit", "foot_weight"):
+        assert np.array_equal(getattr(controller.compiled.tick, name), getattr(fresh.compiled.tick, name)), name
+    for limit in ("pelvis_limit", "torso_limit"):
+        assert getattr(controller, limit).angle_max == getattr(fresh, limit).angle_max
 
 
 def test_other_backends_are_refused():
