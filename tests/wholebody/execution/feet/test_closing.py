@@ -7,7 +7,7 @@ from models import g1
 from policy.scripted.library import scripted_policy
 from tests.support.wide import wide
 from wholebody.config import ControllerConfig
-from wholebody.episode.run import observe
+from wholebody.episode.run import observe, run_episode
 from wholebody.execution.states import State
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
@@ -56,3 +56,19 @@ def test_feet_are_closed_after_a_step_that_caught_the_robot(angle, impulse):
         state = plant.step(supervisor.step(state))
         assert detect_fall(plant, state, supervisor.status.status) is None
     assert supervisor.state is State.FOLLOWING
+
+
+@pytest.mark.parametrize("impulse", [15.0, *wide(14.0, 16.0)])
+def test_one_that_squats_and_is_pushed_back_catches_itself(impulse):
+    """Its trunk and the ankle of the foot in the air were at their ends: the leg that went back threw the body back."""
+    supervisor, plant, told = Supervisor(SPEC, CONFIG), MujocoPlant(SPEC), []
+
+    def push(now, end):
+        if now >= 2.5 and not told:
+            told.append(now)
+            plant.push("torso_link", np.array([-10.0 * impulse, 0.0, 0.0]), start=now, duration=0.1)
+
+    result = run_episode(scripted_policy("lissajous"), supervisor, plant, duration=5.0, progress=push)
+    assert told
+    assert supervisor._stepping._walker.walk.made >= 1
+    assert result.fall is None
