@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -35,18 +36,27 @@ def compiled(spec: RobotSpec, build: Callable[[], mujoco.MjSpec], **settings: ob
     """
     folder, key = cache_dir() / "mujoco", _key(spec, settings)
     for path in folder.glob(f"{key}-*.mjb"):
-        if path.stem == f"{key}-{_content(path)}":
-            path.touch()
-            return mujoco.MjModel.from_binary_path(str(path))
+        with suppress(FileNotFoundError):  # another process has just deleted it
+            if path.stem == f"{key}-{_content(path)}":
+                os.utime(path)
+                return mujoco.MjModel.from_binary_path(str(path))
         path.unlink(missing_ok=True)
     model = build().compile()
     made = folder / f"{key}.{os.getpid()}"  # its name follows from its content
     with whole_file(made) as temporary:
         mujoco.mj_saveModel(model, str(temporary), None)
     made.replace(folder / f"{key}-{_content(made)}.mjb")
-    for old in sorted(folder.glob("*.mjb"), key=lambda path: path.stat().st_mtime)[:-MODELS_KEPT]:
+    for old in sorted(folder.glob("*.mjb"), key=_used)[:-MODELS_KEPT]:
         old.unlink(missing_ok=True)
     return model
+
+
+def _used(path: Path) -> float:
+    """When a file was used last [s]; 0 for one that another process has just deleted."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
 
 
 def _key(spec: RobotSpec, settings: dict[str, object]) -> str:

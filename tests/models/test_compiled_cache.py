@@ -49,3 +49,17 @@ def test_the_oldest_of_too_many_goes(folder, monkeypatch):
         load_mujoco(g1(), timestep=timestep)
     assert len(list(folder.glob("*.mjb"))) == 2
     assert load_mujoco(g1(), timestep=0.004).opt.timestep == 0.004
+
+
+def test_what_another_process_deletes_meanwhile_is_none(folder, monkeypatch):
+    """Two processes that made a model each pruned at once: one of them met a file that was gone, and ended."""
+    wanted = image(load_mujoco(g1()))
+    glob = compiled_cache.Path.glob
+
+    def late(path, pattern):
+        gone = path / pattern.replace("*", "0")
+        return [gone, *glob(path, pattern)] if path == folder / "mujoco" else glob(path, pattern)
+
+    monkeypatch.setattr(compiled_cache.Path, "glob", late)
+    assert np.array_equal(image(load_mujoco(g1())), wanted)
+    assert load_mujoco(g1(), timestep=0.004).opt.timestep == 0.004
