@@ -52,7 +52,7 @@ def compiled(spec: RobotSpec, build: Callable[[], mujoco.MjSpec], **settings: ob
 
 
 def _used(path: Path) -> float:
-    """When a file was used last [s]; 0 for one that another process has just deleted."""
+    """Time at which a file was used last [s]; 0 for one that another process has just deleted."""
     try:
         return path.stat().st_mtime
     except FileNotFoundError:
