@@ -210,6 +210,8 @@ class Walk(PlannedSteps):
             lower = seen.heights[foot] - rise(seen.slope, self.soles[foot].point - self.soles[self.stance].point)
             if self._floor - lower > UNEVEN:
                 self._floor = lower
+            if self.caught:  # the base comes after the steps before, which have left no time to
+                self.guide.go_to(base_of(self.soles))
         elif state is Phase.RECOVER:
             self.guide.go_to(base_of(self.soles))
             middle = self._middle()
